@@ -1,0 +1,30 @@
+include(CMakePackageConfigHelpers)
+
+set(quadrig_cmake_dir "${CMAKE_INSTALL_LIBDIR}/cmake/quadrig")
+install(DIRECTORY "${PROJECT_SOURCE_DIR}/include/quadrig" DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}"
+  FILES_MATCHING PATTERN "*.hpp" PATTERN "*.ipp" PATTERN "*.h")
+set_target_properties(quadrig_compiled PROPERTIES EXPORT_NAME compiled)
+install(TARGETS quadrig quadrig_compiled EXPORT quadrig_targets)
+if(TARGET quadrig_io)
+  set_target_properties(quadrig_io PROPERTIES EXPORT_NAME io)
+  install(TARGETS quadrig_io EXPORT quadrig_targets)
+endif()
+if(TARGET quadrig_cli)
+  install(TARGETS quadrig_cli)
+endif()
+install(EXPORT quadrig_targets NAMESPACE quadrig:: DESTINATION "${quadrig_cmake_dir}")
+
+configure_package_config_file("${CMAKE_CURRENT_LIST_DIR}/quadrig-config.cmake.in"
+  "${PROJECT_BINARY_DIR}/quadrig-config.cmake" INSTALL_DESTINATION "${quadrig_cmake_dir}")
+write_basic_package_version_file("${PROJECT_BINARY_DIR}/quadrig-config-version.cmake" COMPATIBILITY SameMinorVersion)
+install(FILES "${PROJECT_BINARY_DIR}/quadrig-config.cmake" "${PROJECT_BINARY_DIR}/quadrig-config-version.cmake"
+  DESTINATION "${quadrig_cmake_dir}")
+
+foreach(name IN ITEMS quadrig quadrig-compiled quadrig-io)
+  configure_file("${CMAKE_CURRENT_LIST_DIR}/${name}.pc.in" "${PROJECT_BINARY_DIR}/${name}.pc" @ONLY)
+endforeach()
+install(FILES "${PROJECT_BINARY_DIR}/quadrig.pc" "${PROJECT_BINARY_DIR}/quadrig-compiled.pc"
+  DESTINATION "${CMAKE_INSTALL_LIBDIR}/pkgconfig")
+if(TARGET quadrig_io)
+  install(FILES "${PROJECT_BINARY_DIR}/quadrig-io.pc" DESTINATION "${CMAKE_INSTALL_LIBDIR}/pkgconfig")
+endif()

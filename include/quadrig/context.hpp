@@ -1,0 +1,75 @@
+// One object handed down to every long call: log, progress, cancel and threads. There are no globals.
+#pragma once
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <functional>
+#include <string_view>
+#include <thread>
+
+#include "quadrig/core.hpp"
+
+namespace quadrig {
+
+class Context {
+ public:
+  /// Stage name and the fraction of the whole job done, in [0, 1]. Called from the calling thread only.
+  using Progress = std::function<void(std::string_view stage, double fraction)>;
+  using Log = std::function<void(std::string_view line)>;
+
+  Progress on_progress;
+  Log on_log;
+  /// Set from any thread; polled between faces, rows and iterations of every long loop. May be null.
+  const std::atomic<bool>* cancel_flag = nullptr;
+  /// Upper bound on threads; results are the same bits for every value. 0: as many as the machine has.
+  unsigned threads = 0;
+
+  [[nodiscard]] bool cancelled() const { return cancel_flag && cancel_flag->load(std::memory_order_relaxed); }
+  void progress(std::string_view stage, double fraction) const {
+    if (on_progress) on_progress(stage, fraction);
+  }
+  void log(std::string_view line) const {
+    if (on_log) on_log(line);
+  }
+  void warn(std::string stage, std::string text) { warnings.push_back({std::move(stage), std::move(text)}); }
+
+  std::vector<Warning> warnings;
+
+  [[nodiscard]] unsigned thread_count() const {
+    return threads ? threads : std::max(1u, std::thread::hardware_concurrency());
+  }
+
+  /// Calls body(begin, end) over disjoint ranges that cover [0, n). Bodies write only to their own range, so the
+  /// result does not depend on the number of threads; sums are made by the caller, in order.
+  template <class Body>
+  void parallel_for(std::size_t n, std::size_t grain, Body&& body) const {
+    const std::size_t parts = std::min<std::size_t>(thread_count(), grain ? (n + grain - 1) / grain : 1);
+    if (parts <= 1) {
+      body(std::size_t{0}, n);
+      return;
+    }
+    std::vector<std::jthread> workers;
+    workers.reserve(parts - 1);
+    for (std::size_t part = 1; part < parts; ++part)
+      workers.emplace_back([&body, n, part, parts] { body(n * part / parts, n * (part + 1) / parts); });
+    body(std::size_t{0}, n / parts);
+  }
+};
+
+inline Error cancelled_error(std::string_view stage) {
+  return {ErrorCode::cancelled, "cancelled by the caller", std::string(stage), {}};
+}
+
+/// Seconds since its construction, on the steady clock.
+class Stopwatch {
+ public:
+  [[nodiscard]] double seconds() const {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
+  }
+
+ private:
+  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
+};
+
+}  // namespace quadrig

@@ -1,0 +1,209 @@
+// A triangle mesh with its half-edges, built once, and its per-face geometry.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include <Eigen/Geometry>
+
+#include "quadrig/context.hpp"
+
+namespace quadrig {
+
+/// An oriented edge-manifold triangle mesh. Half-edge h = 3 f + i runs from corner i of face f to corner (i + 1) % 3;
+/// corner (f, i) and half-edge 3 f + i share their number. Immutable after creation.
+template <class Scalar = double>
+class TriangleMesh {
+ public:
+  using Vector = Eigen::Matrix<Scalar, 3, 1>;
+
+  TriangleMesh() = default;
+
+  /// Takes n×3 positions and m×3 faces, counter-clockwise.
+  /// \fails bad_input on an index out of range, a position that is not finite, a face with a repeated vertex, an edge
+  ///   with more than two faces, two faces that run an edge the same way, or a vertex whose faces form more than one
+  ///   fan: names the face, edge or vertex. `prepare` mends what can be mended.
+  /// \cost O(m log m) time, 40 m + 28 n bytes.
+  [[nodiscard]] static Expected<TriangleMesh> create(Points<Scalar> positions, Triangles faces);
+
+  [[nodiscard]] Index vertex_count() const { return static_cast<Index>(positions_.rows()); }
+  [[nodiscard]] Index face_count() const { return static_cast<Index>(faces_.rows()); }
+  [[nodiscard]] Index halfedge_count() const { return 3 * face_count(); }
+  [[nodiscard]] Index interior_edge_count() const { return interior_edges_; }
+  [[nodiscard]] Index edge_count() const { return halfedge_count() - interior_edges_; }
+
+  [[nodiscard]] const Points<Scalar>& positions() const { return positions_; }
+  [[nodiscard]] const Triangles& faces() const { return faces_; }
+
+  [[nodiscard]] static Index face_of(Index halfedge) { return halfedge / 3; }
+  [[nodiscard]] static Index next(Index halfedge) { return halfedge % 3 == 2 ? halfedge - 2 : halfedge + 1; }
+  [[nodiscard]] static Index prev(Index halfedge) { return halfedge % 3 == 0 ? halfedge + 2 : halfedge - 1; }
+  /// The half-edge across, or no_index on the boundary.
+  [[nodiscard]] Index twin(Index halfedge) const { return twins_[static_cast<std::size_t>(halfedge)]; }
+  [[nodiscard]] Index origin(Index halfedge) const { return faces_(halfedge / 3, halfedge % 3); }
+  [[nodiscard]] Index target(Index halfedge) const { return origin(next(halfedge)); }
+  /// One half-edge of each undirected edge stands for it: the boundary one, or the lower of the two.
+  [[nodiscard]] bool is_representative(Index halfedge) const {
+    return twin(halfedge) == no_index || halfedge < twin(halfedge);
+  }
+  /// A half-edge leaving the vertex; on the boundary the first of its fan, so that turning counter-clockwise by
+  /// `next_around` meets every face. no_index for a vertex without faces.
+  [[nodiscard]] Index outgoing(Index vertex) const { return outgoing_[static_cast<std::size_t>(vertex)]; }
+  /// The next half-edge leaving the same vertex, counter-clockwise; no_index past the last face of a boundary fan.
+  [[nodiscard]] Index next_around(Index halfedge) const { return twin(prev(halfedge)); }
+  /// The next half-edge leaving the same vertex, clockwise; no_index past the first face of a boundary fan.
+  [[nodiscard]] Index prev_around(Index halfedge) const {
+    const Index across = twin(halfedge);
+    return across == no_index ? no_index : next(across);
+  }
+  [[nodiscard]] bool on_boundary(Index vertex) const {
+    const Index h = outgoing(vertex);
+    return h != no_index && twin(h) == no_index;
+  }
+  [[nodiscard]] bool closed() const { return 2 * interior_edges_ == halfedge_count(); }
+
+  [[nodiscard]] Vector position(Index vertex) const { return positions_.row(vertex).transpose(); }
+  [[nodiscard]] Vector edge_vector(Index halfedge) const { return position(target(halfedge)) - position(origin(halfedge)); }
+  [[nodiscard]] const Points<Scalar>& normals() const { return normals_; }  ///< m×3, unit; zero where the area is zero
+  [[nodiscard]] Vector normal(Index face) const { return normals_.row(face).transpose(); }
+  [[nodiscard]] const Eigen::Matrix<Scalar, Eigen::Dynamic, 1>& areas() const { return areas_; }
+  [[nodiscard]] Scalar area(Index face) const { return areas_[face]; }
+  [[nodiscard]] Scalar total_area() const { return areas_.sum(); }
+  /// Angle at a corner, radians.
+  [[nodiscard]] Scalar corner_angle(Index corner) const {
+    const Vector a = edge_vector(corner), b = -edge_vector(prev(corner));
+    return std::atan2(a.cross(b).norm(), a.dot(b));
+  }
+  [[nodiscard]] Scalar diagonal() const {
+    if (positions_.rows() == 0) return Scalar(0);
+    return (positions_.colwise().maxCoeff() - positions_.colwise().minCoeff()).norm();
+  }
+
+ private:
+  Points<Scalar> positions_, normals_;
+  Triangles faces_;
+  Eigen::Matrix<Scalar, Eigen::Dynamic, 1> areas_;
+  std::vector<Index> twins_, outgoing_;
+  Index interior_edges_ = 0;
+};
+
+/// A point of a surface: a face and its barycentric coordinates (≥ 0, sum 1).
+struct SurfacePoint {
+  Index face = no_index;
+  Vector3 barycentric = Vector3::Zero();
+};
+
+template <class Scalar>
+[[nodiscard]] Vector3 position(const TriangleMesh<Scalar>& mesh, const SurfacePoint& point) {
+  Vector3 p = Vector3::Zero();
+  for (int i = 0; i < 3; ++i)
+    p += point.barycentric[i] * mesh.position(mesh.faces()(point.face, i)).template cast<double>();
+  return p;
+}
+
+/// Face components joined through edges.
+struct Components {
+  Index count = 0;
+  std::vector<Index> of_face;  ///< component of each face, numbered by their lowest face
+};
+
+template <class Scalar>
+[[nodiscard]] Components face_components(const TriangleMesh<Scalar>& mesh) {
+  Components result;
+  result.of_face.assign(static_cast<std::size_t>(mesh.face_count()), no_index);
+  std::vector<Index> stack;
+  for (Index seed = 0; seed < mesh.face_count(); ++seed) {
+    if (result.of_face[static_cast<std::size_t>(seed)] != no_index) continue;
+    const Index component = result.count++;
+    result.of_face[static_cast<std::size_t>(seed)] = component;
+    stack.assign(1, seed);
+    while (!stack.empty()) {
+      const Index face = stack.back();
+      stack.pop_back();
+      for (Index h = 3 * face; h < 3 * face + 3; ++h) {
+        const Index across = mesh.twin(h);
+        if (across == no_index || result.of_face[static_cast<std::size_t>(across / 3)] != no_index) continue;
+        result.of_face[static_cast<std::size_t>(across / 3)] = component;
+        stack.push_back(across / 3);
+      }
+    }
+  }
+  return result;
+}
+
+template <class Scalar>
+Expected<TriangleMesh<Scalar>> TriangleMesh<Scalar>::create(Points<Scalar> positions, Triangles faces) {
+  const auto fail = [](std::string what, std::string where) {
+    return Error{ErrorCode::bad_input, std::move(what), std::move(where), "run prepare() to mend the input"};
+  };
+  const Index n = static_cast<Index>(positions.rows()), m = static_cast<Index>(faces.rows());
+  for (Index v = 0; v < n; ++v)
+    if (!positions.row(v).allFinite()) return fail("position is not finite", "vertex " + std::to_string(v));
+  for (Index f = 0; f < m; ++f) {
+    for (Index i = 0; i < 3; ++i)
+      if (faces(f, i) < 0 || faces(f, i) >= n) return fail("vertex index out of range", "face " + std::to_string(f));
+    if (faces(f, 0) == faces(f, 1) || faces(f, 1) == faces(f, 2) || faces(f, 2) == faces(f, 0))
+      return fail("face repeats a vertex", "face " + std::to_string(f));
+  }
+
+  TriangleMesh mesh;
+  mesh.positions_ = std::move(positions);
+  mesh.faces_ = std::move(faces);
+  mesh.twins_.assign(static_cast<std::size_t>(3 * m), no_index);
+  mesh.outgoing_.assign(static_cast<std::size_t>(n), no_index);
+
+  struct Side {
+    Index low, high, halfedge;
+  };
+  std::vector<Side> sides(static_cast<std::size_t>(3 * m));
+  for (Index h = 0; h < 3 * m; ++h) {
+    const Index a = mesh.origin(h), b = mesh.target(h);
+    sides[static_cast<std::size_t>(h)] = {std::min(a, b), std::max(a, b), h};
+  }
+  std::sort(sides.begin(), sides.end(), [](const Side& a, const Side& b) {
+    return std::array{a.low, a.high, a.halfedge} < std::array{b.low, b.high, b.halfedge};
+  });
+  for (std::size_t first = 0, last = 0; first < sides.size(); first = last) {
+    while (last < sides.size() && sides[last].low == sides[first].low && sides[last].high == sides[first].high) ++last;
+    const std::string place =
+        "edge " + std::to_string(sides[first].low) + " - " + std::to_string(sides[first].high);
+    if (last - first > 2) return fail("edge has more than two faces", place);
+    if (last - first == 2) {
+      const Index h = sides[first].halfedge, g = sides[first + 1].halfedge;
+      if (mesh.origin(h) == mesh.origin(g)) return fail("neighbouring faces are oriented differently", place);
+      mesh.twins_[static_cast<std::size_t>(h)] = g;
+      mesh.twins_[static_cast<std::size_t>(g)] = h;
+      ++mesh.interior_edges_;
+    }
+  }
+  std::vector<Index> corners(static_cast<std::size_t>(n), 0);
+  for (Index h = 0; h < 3 * m; ++h) {
+    const auto v = static_cast<std::size_t>(mesh.origin(h));
+    ++corners[v];
+    if (mesh.outgoing_[v] == no_index || mesh.twin(h) == no_index) mesh.outgoing_[v] = h;
+  }
+  for (Index v = 0; v < n; ++v) {
+    const Index start = mesh.outgoing(v);
+    if (start == no_index) continue;
+    Index seen = 0, h = start;
+    do {
+      ++seen;
+      h = mesh.next_around(h);
+    } while (h != no_index && h != start);
+    if (seen != corners[static_cast<std::size_t>(v)])
+      return fail("faces around the vertex form more than one fan", "vertex " + std::to_string(v));
+  }
+
+  mesh.normals_.resize(m, 3);
+  mesh.areas_.resize(m);
+  for (Index f = 0; f < m; ++f) {
+    const Vector cross = mesh.edge_vector(3 * f).cross(-mesh.edge_vector(3 * f + 2));
+    const Scalar length = cross.norm();
+    mesh.areas_[f] = length / 2;
+    mesh.normals_.row(f) = (length > 0 ? Vector(cross / length) : Vector::Zero()).transpose();
+  }
+  return mesh;
+}
+
+}  // namespace quadrig

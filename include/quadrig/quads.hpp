@@ -1,0 +1,35 @@
+// Quads: the mesh that comes out, its map back to the source surface, and its extraction from an integer-grid map.
+#pragma once
+
+#include "quadrig/mesh.hpp"
+
+namespace quadrig {
+
+/// An all-quad mesh whose vertices lie on a source triangle mesh.
+struct QuadMesh {
+  Points<double> positions;          ///< n×3
+  Quads quads;                       ///< m×4, counter-clockwise
+  std::vector<SurfacePoint> source;  ///< n, where each vertex lies on the source surface
+
+  [[nodiscard]] Index vertex_count() const { return static_cast<Index>(positions.rows()); }
+  [[nodiscard]] Index quad_count() const { return static_cast<Index>(quads.rows()); }
+};
+
+/// Least over the four corners of (e_next × e_prev)·n / (|e_next||e_prev|), n the unit normal at the bilinear centre;
+/// −1 where an edge or the normal vanishes. In [−1, 1], 1 for a rectangle.
+[[nodiscard]] inline double scaled_jacobian(const Points<double>& positions, const Eigen::Matrix<Index, 1, 4>& quad) {
+  Vector3 p[4];
+  for (int i = 0; i < 4; ++i) p[i] = positions.row(quad[i]).transpose();
+  const Vector3 n = (p[2] - p[0]).cross(p[3] - p[1]);
+  const double n_length = n.norm();
+  double least = 1;
+  for (int i = 0; i < 4; ++i) {
+    const Vector3 e_next = p[(i + 1) % 4] - p[i], e_prev = p[(i + 3) % 4] - p[i];
+    const double scale = e_next.norm() * e_prev.norm() * n_length;
+    if (!(scale > 0)) return -1;
+    least = std::min(least, e_next.cross(e_prev).dot(n) / scale);
+  }
+  return least;
+}
+
+}  // namespace quadrig

@@ -1,0 +1,45 @@
+#include "quadrig/core.hpp"
+
+#include "quadrig/context.hpp"
+#include "quadrig/mesh.hpp"
+#include "test.hpp"
+
+using namespace quadrig;
+
+TEST_CASE("core: an error reads as place, fault and remedy", "[core][fast]") {
+  const Error error{ErrorCode::bad_input, "vertex index out of range", "face 3", "mend the file"};
+  CHECK(error.message() == "face 3: vertex index out of range; mend the file");
+  CHECK(Error{ErrorCode::numeric, "singular", {}, {}}.message() == "singular");
+}
+
+TEST_CASE("core: Expected holds the value or the error, never both", "[core][fast]") {
+  const Expected<int> value(7);
+  REQUIRE(value.has_value());
+  CHECK(*value == 7);
+  const Expected<int> error(Error{ErrorCode::unsupported, "not built", {}, {}});
+  REQUIRE_FALSE(error.has_value());
+  CHECK(error.error().code == ErrorCode::unsupported);
+}
+
+TEST_CASE("core: function_ref calls what it borrows when the target keeps state", "[core][fast]") {
+  int calls = 0;
+  auto count = [&calls](int by) { return calls += by; };
+  const function_ref<int(int)> borrowed(count);
+  CHECK(borrowed(2) == 2);
+  CHECK(borrowed(3) == 5);
+  CHECK(calls == 5);
+}
+
+TEST_CASE("context: parallel_for covers every index once at any number of threads", "[context][fast]") {
+  for (const unsigned threads : {1u, 2u, 3u, 16u}) {
+    Context context;
+    context.threads = threads;
+    for (const std::size_t n : {std::size_t{0}, std::size_t{1}, std::size_t{17}, std::size_t{1000}}) {
+      std::vector<int> hits(n, 0);
+      context.parallel_for(n, 4, [&](std::size_t begin, std::size_t end) {
+        for (std::size_t i = begin; i < end; ++i) ++hits[i];
+      });
+      CHECK(std::count(hits.begin(), hits.end(), 1) == static_cast<std::ptrdiff_t>(n));
+    }
+  }
+}
