@@ -22,8 +22,8 @@ namespace quadrig::test {
 
 using Catch::Approx;
 
-/// A file or folder of the corpus of real assets: $QUADRIG_CORPUS, or ../shared/corpus beside the source tree. The corpus
-/// is not part of the project; nothing when the asset is absent, and the test is then reported as skipped.
+/// A file or folder of the corpus of real assets: $QUADRIG_CORPUS, or ../shared/corpus beside the source tree. The
+/// corpus is not part of the project; nothing when the asset is absent, and the test is then reported as skipped.
 [[nodiscard]] inline std::optional<std::filesystem::path> corpus(const std::string& name) {
   const char* set = std::getenv("QUADRIG_CORPUS");
   const std::filesystem::path root =

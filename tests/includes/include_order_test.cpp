@@ -1,0 +1,52 @@
+#include "includes/include_order.hpp"
+
+#include "test.hpp"
+
+using namespace quadrig::test;
+
+namespace {
+
+void write(const std::filesystem::path& file, const std::string& text) {
+  std::filesystem::create_directories(file.parent_path());
+  std::ofstream(file) << text;
+}
+
+}  // namespace
+
+TEST_CASE("includes: a group sees all that stands left of it, also through other lines", "[includes][fast]") {
+  const IncludeOrder order = parse_order("core < mesh < rig\nmesh < closest, prepare\nclosest, rig < polish\n");
+  CHECK(order.at("core") == std::set<std::string>{"core"});
+  CHECK(order.at("rig") == std::set<std::string>{"core", "mesh", "rig"});
+  CHECK(order.at("prepare") == std::set<std::string>{"core", "mesh", "prepare"});
+  CHECK(order.at("polish") == std::set<std::string>{"core", "mesh", "rig", "closest", "polish"});
+}
+
+TEST_CASE("includes: every kind of breach is found when a tree has one of each", "[includes][fast]") {
+  const ScratchFolder root("includes");
+  const IncludeOrder order = parse_order("core < mesh < quads < src\n");
+  write(root / "include/quadrig/core.hpp", "#include <vector>\n#include <Eigen/Core>\n");
+  write(root / "include/quadrig/mesh.hpp", "#include \"quadrig/core.hpp\"\n");
+  write(root / "include/quadrig/quads.hpp", "#include \"quadrig/mesh.hpp\"\n#include \"quadrig/quads/extract.ipp\"\n");
+  write(root / "include/quadrig/quads/extract.ipp", "#include \"quadrig/quads.hpp\"\n");
+  write(root / "include/quadrig/c.h", "#include <stddef.h>\n");
+  write(root / "src/io/obj.cpp", "#include \"quadrig/quads.hpp\"\n#include <zlib.h>\n");
+  CHECK(include_violations(root.path(), order).empty());
+
+  write(root / "include/quadrig/mesh.hpp", "// up\n  #  include \"quadrig/quads/extract.ipp\"\n");
+  write(root / "include/quadrig/core.hpp", "#include <zlib.h>\n#include \"quadrig/gone.hpp\"\n");
+  write(root / "include/quadrig/stray.hpp", "");
+  write(root / "include/quadrig/c.h", "#include \"quadrig/core.hpp\"\n");
+  CHECK(include_violations(root.path(), order) ==
+        std::vector<std::string>{"include/quadrig/c.h:1: c.h stands alone",
+                                 "include/quadrig/core.hpp:1: zlib.h is neither ours, nor Eigen's, nor standard",
+                                 "include/quadrig/core.hpp:2: quadrig/gone.hpp is not there",
+                                 "include/quadrig/mesh.hpp:2: mesh may not include quads",
+                                 "include/quadrig/stray.hpp:1: module stray has no place in the order"});
+}
+
+TEST_CASE("includes: the tree keeps the order of docs/architecture.md", "[includes][fast]") {
+  const std::filesystem::path root = QUADRIG_SOURCE_DIR;
+  const IncludeOrder order = parse_order(order_block(root / "docs" / "architecture.md"));
+  REQUIRE(order.size() > 10);
+  CHECK(include_violations(root, order) == std::vector<std::string>{});
+}
