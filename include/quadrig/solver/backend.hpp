@@ -1,0 +1,102 @@
+// The second extension point: what solves Hermitian positive definite systems. Knows no mesh.
+#pragma once
+
+#include <concepts>
+#include <limits>
+#include <string_view>
+
+#include "quadrig/sparse.hpp"
+
+namespace quadrig {
+
+/// What one solve did.
+struct SolveInfo {
+  Status status;
+  /// |A x − b| / |b|; NaN where the backend does not measure it.
+  double residual = std::numeric_limits<double>::quiet_NaN();
+  Index iterations = 0;  ///< 0 for a direct backend
+};
+
+/// Anything that solves A x = b in three steps. `analyze` sees the pattern (once), `factorize` the values (as often as
+/// they change, the pattern being that of `analyze`), `solve` a right-hand side. `order` lists the unknowns in the
+/// order in which to eliminate them, or is empty: the backend finds its own. Views are borrowed for the call.
+/// A matrix that is not positive definite, or not finite, is an error of `factorize` or `solve`, never an assertion.
+/// `laws.hpp` checks one.
+template <class S, class K>
+concept SolverBackend = requires(S& solver, HermitianView<K> A, std::span<const Index> order, std::span<const K> b,
+                                 std::span<K> x, Context& context) {
+  { solver.name() } -> std::convertible_to<std::string_view>;
+  { solver.analyze(A, order, context) } -> std::same_as<Status>;
+  { solver.factorize(A, context) } -> std::same_as<Status>;
+  { solver.solve(b, x, context) } -> std::same_as<SolveInfo>;
+};
+
+/// A backend of any type. Copies are deep where the backend can be copied, and then share nothing that a later call
+/// changes: analyze once, copy, and factorize different values of the same pattern side by side.
+template <SparseScalar K>
+class AnySolver {
+ public:
+  template <class S>
+    requires(!std::is_same_v<std::remove_cvref_t<S>, AnySolver> && SolverBackend<std::remove_cvref_t<S>, K>)
+  AnySolver(S&& backend) : model_(std::make_unique<Model<std::remove_cvref_t<S>>>(std::forward<S>(backend))) {}
+
+  [[nodiscard]] std::string_view name() const { return model_->name(); }
+  Status analyze(const HermitianView<K>& A, std::span<const Index> order, Context& context) {
+    analyzed_version_ = 0;
+    return model_->analyze(A, order, context);
+  }
+  Status factorize(const HermitianView<K>& A, Context& context) { return model_->factorize(A, context); }
+  SolveInfo solve(std::span<const K> b, std::span<K> x, Context& context) { return model_->solve(b, x, context); }
+
+  /// Analyzes where `pattern_version` is not that of the last call, then factorizes.
+  Status prepare(const HermitianView<K>& A, std::uint64_t pattern_version, Context& context,
+                 std::span<const Index> order = {}) {
+    if (analyzed_version_ != pattern_version) {
+      if (Status status = analyze(A, order, context); !status.ok()) return status;
+      analyzed_version_ = pattern_version;
+    }
+    return factorize(A, context);
+  }
+
+  [[nodiscard]] bool can_clone() const { return model_->can_clone(); }
+  /// A copy with the same analysis. \pre can_clone()
+  [[nodiscard]] AnySolver clone() const { return AnySolver(model_->clone(), analyzed_version_); }
+
+ private:
+  struct Base {
+    virtual ~Base() = default;
+    [[nodiscard]] virtual std::string_view name() const = 0;
+    virtual Status analyze(const HermitianView<K>&, std::span<const Index>, Context&) = 0;
+    virtual Status factorize(const HermitianView<K>&, Context&) = 0;
+    virtual SolveInfo solve(std::span<const K>, std::span<K>, Context&) = 0;
+    [[nodiscard]] virtual bool can_clone() const = 0;
+    [[nodiscard]] virtual std::unique_ptr<Base> clone() const = 0;
+  };
+  template <class S>
+  struct Model final : Base {
+    explicit Model(S backend) : solver(std::move(backend)) {}
+    std::string_view name() const override { return solver.name(); }
+    Status analyze(const HermitianView<K>& A, std::span<const Index> order, Context& context) override {
+      return solver.analyze(A, order, context);
+    }
+    Status factorize(const HermitianView<K>& A, Context& context) override { return solver.factorize(A, context); }
+    SolveInfo solve(std::span<const K> b, std::span<K> x, Context& context) override {
+      return solver.solve(b, x, context);
+    }
+    bool can_clone() const override { return std::copy_constructible<S>; }
+    std::unique_ptr<Base> clone() const override {
+      if constexpr (std::copy_constructible<S>)
+        return std::make_unique<Model>(solver);
+      else
+        return nullptr;
+    }
+    S solver;
+  };
+
+  AnySolver(std::unique_ptr<Base> model, std::uint64_t version) : model_(std::move(model)), analyzed_version_(version) {}
+
+  std::unique_ptr<Base> model_;
+  std::uint64_t analyzed_version_ = 0;
+};
+
+}  // namespace quadrig

@@ -1,0 +1,95 @@
+// The matrix that terms fill and backends factor: sparse Hermitian, its lower triangle by columns.
+#pragma once
+
+#include <span>
+
+#include "quadrig/context.hpp"
+
+namespace quadrig {
+
+namespace detail {
+template <class K>
+struct RealOf {
+  using type = K;
+};
+template <class T>
+struct RealOf<std::complex<T>> {
+  using type = T;
+};
+}  // namespace detail
+
+/// float or double, the real type under K.
+template <class K>
+using real_of = typename detail::RealOf<K>::type;
+
+/// The four number types that forms and solvers are made for.
+template <class K>
+concept SparseScalar = std::is_same_v<K, float> || std::is_same_v<K, double> ||
+                       std::is_same_v<K, std::complex<float>> || std::is_same_v<K, std::complex<double>>;
+
+/// The complex conjugate, and the number itself where K is real.
+template <class K>
+[[nodiscard]] constexpr K conjugate(const K& z) {
+  if constexpr (std::is_same_v<K, real_of<K>>)
+    return z;
+  else
+    return std::conj(z);
+}
+
+/// Borrowed lower triangle of an n×n Hermitian matrix, compressed by columns: column j holds the entries
+/// [column_starts[j], column_starts[j + 1]) of rows and values, rows ascending, the diagonal first and always present.
+template <class K>
+struct HermitianView {
+  Index size = 0;
+  std::span<const Index> column_starts;  ///< size + 1
+  std::span<const Index> rows;
+  std::span<const K> values;
+
+  [[nodiscard]] std::size_t nonzero_count() const { return rows.size(); }
+};
+
+/// Lower-triangular storage whose pattern is kept while values change.
+template <class K>
+struct HermitianMatrix {
+  Index size = 0;
+  std::vector<Index> column_starts{0};
+  std::vector<Index> rows;
+  std::vector<K> values;
+
+  [[nodiscard]] HermitianView<K> view() const { return {size, column_starts, rows, values}; }
+};
+
+/// y = A x.
+/// \pre x and y have A.size entries and do not overlap. \cost O(nonzeros). \fails never
+template <class K>
+void multiply(const HermitianView<K>& A, std::span<const K> x, std::span<K> y) {
+  std::fill(y.begin(), y.end(), K{});
+  for (Index j = 0; j < A.size; ++j) {
+    const auto column = static_cast<std::size_t>(j);
+    auto entry = static_cast<std::size_t>(A.column_starts[column]);
+    const auto end = static_cast<std::size_t>(A.column_starts[column + 1]);
+    const K x_j = x[column];
+    K sum = A.values[entry] * x_j;
+    for (++entry; entry < end; ++entry) {
+      const auto row = static_cast<std::size_t>(A.rows[entry]);
+      y[row] += A.values[entry] * x_j;
+      sum += conjugate(A.values[entry]) * x[row];
+    }
+    y[column] += sum;
+  }
+}
+
+/// |A x − b| / |b|; |A x − b| itself where b vanishes.
+template <class K>
+[[nodiscard]] real_of<K> relative_residual(const HermitianView<K>& A, std::span<const K> x, std::span<const K> b) {
+  std::vector<K> product(x.size());
+  multiply(A, x, std::span<K>(product));
+  real_of<K> residual = 0, scale = 0;
+  for (std::size_t i = 0; i < b.size(); ++i) {
+    residual += std::norm(product[i] - b[i]);
+    scale += std::norm(b[i]);
+  }
+  return scale > 0 ? std::sqrt(residual / scale) : std::sqrt(residual);
+}
+
+}  // namespace quadrig
