@@ -20,6 +20,9 @@ write_basic_package_version_file("${PROJECT_BINARY_DIR}/quadrig-config-version.c
 install(FILES "${PROJECT_BINARY_DIR}/quadrig-config.cmake" "${PROJECT_BINARY_DIR}/quadrig-config-version.cmake"
   DESTINATION "${quadrig_cmake_dir}")
 
+# The prefix as seen from the .pc files, so that an installed tree can be moved.
+file(RELATIVE_PATH quadrig_up "/prefix/${CMAKE_INSTALL_LIBDIR}/pkgconfig" "/prefix")
+string(REGEX REPLACE "/$" "" quadrig_up "${quadrig_up}")
 foreach(name IN ITEMS quadrig quadrig-compiled quadrig-io)
   configure_file("${CMAKE_CURRENT_LIST_DIR}/${name}.pc.in" "${PROJECT_BINARY_DIR}/${name}.pc" @ONLY)
 endforeach()
