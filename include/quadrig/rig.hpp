@@ -15,7 +15,7 @@ struct Bone {
   Index parent = no_index;
   /// False where no direction can be told (a leaf whose surface is round): such bones pull no edge.
   bool has_direction = true;
-  std::string name;
+  std::string name = {};
 
   [[nodiscard]] Vector3 direction() const {
     const Vector3 d = tail - head;
@@ -37,7 +37,7 @@ using Pose = std::vector<Eigen::Affine3d>;
 
 /// A sampled animation: the pose at each time, seconds ascending.
 struct Clip {
-  std::string name;
+  std::string name = {};
   std::vector<double> times_seconds;
   std::vector<Pose> poses;
 };

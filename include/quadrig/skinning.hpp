@@ -1,0 +1,206 @@
+// Poses and what they do to points: linear blend and dual quaternion skinning, and the bends that a rig is judged by.
+#pragma once
+
+#include <numbers>
+#include <span>
+
+#include "quadrig/rig.hpp"
+
+namespace quadrig {
+
+enum class Skinning : std::uint8_t {
+  linear_blend,     ///< weights average the transforms; elbows collapse under large bends
+  dual_quaternion,  ///< weights average the rotations (Kavan et al. 2008); scale and shear are averaged first
+};
+
+/// Every bone at rest.
+[[nodiscard]] inline Pose rest_pose(const Skeleton& skeleton) {
+  return Pose(skeleton.bones.size(), Eigen::Affine3d::Identity());
+}
+
+/// The bone and every bone below it, lowest number first. Parents that form a ring are followed once.
+[[nodiscard]] std::vector<Index> bones_below(const Skeleton& skeleton, Index bone);
+
+/// The pose in which `bone` and all below it turn about its head, by `radians` about `axis`; the others rest.
+/// \pre the axis is not zero
+[[nodiscard]] Pose bend(const Skeleton& skeleton, Index bone, const Vector3& axis, double radians);
+
+/// Four poses a bone: it bends by ±degrees about two axes across it, first −, then +, about
+/// a = d × z (d × x where the bone is within 26° of z), then the same about d × a. Rest is not among them. A bone of
+/// zero length is treated as if it ran along x.
+[[nodiscard]] std::vector<Pose> bend_poses(const Skeleton& skeleton, double degrees = 60);
+
+/// At most `most` frames of the clips together, each clip by its share of the frames (at least one), evenly spaced and
+/// with its first. \pre most > 0
+[[nodiscard]] std::vector<Pose> clip_poses(std::span<const Clip> clips, Index most);
+
+/// The points, n×3, moved by the pose. A point without weights stays.
+/// \pre weights is n×b, rows sum to 1; pose has b transforms
+/// \cost O(nonzero weights). \fails never.
+[[nodiscard]] Points<double> skin(const Points<double>& points, const SkinWeights& weights, const Pose& pose,
+                                  Skinning method = Skinning::linear_blend);
+
+/// Numbers the bones by equal transforms: bones that share a number move as one body. Numbers ascend from 0.
+[[nodiscard]] std::vector<Index> rigid_groups(const Pose& pose);
+
+/// Per point, 1 minus the largest share of its weights that one transform of the pose holds: 0 where it moves rigidly.
+/// \pre as for skin
+[[nodiscard]] Eigen::VectorXd blending(const SkinWeights& weights, const Pose& pose);
+
+// Definitions ------------------------------------------------------------------------------------------------------
+
+inline std::vector<Index> bones_below(const Skeleton& skeleton, Index bone) {
+  const Index count = skeleton.bone_count();
+  std::vector<Index> below;
+  for (Index b = 0; b < count; ++b) {
+    Index up = b;
+    for (Index steps = 0; up != no_index && up != bone && steps < count; ++steps)
+      up = skeleton.bones[static_cast<std::size_t>(up)].parent;
+    if (up == bone) below.push_back(b);
+  }
+  return below;
+}
+
+inline Pose bend(const Skeleton& skeleton, Index bone, const Vector3& axis, double radians) {
+  const Vector3 head = skeleton.bones[static_cast<std::size_t>(bone)].head;
+  const Eigen::Matrix3d turn = Eigen::AngleAxisd(radians, axis.normalized()).toRotationMatrix();
+  Eigen::Affine3d transform;
+  transform.linear() = turn;
+  transform.translation() = head - turn * head;
+  transform.makeAffine();
+  Pose pose = rest_pose(skeleton);
+  for (const Index b : bones_below(skeleton, bone)) pose[static_cast<std::size_t>(b)] = transform;
+  return pose;
+}
+
+inline std::vector<Pose> bend_poses(const Skeleton& skeleton, double degrees) {
+  std::vector<Pose> poses;
+  for (Index b = 0; b < skeleton.bone_count(); ++b) {
+    const Bone& bone = skeleton.bones[static_cast<std::size_t>(b)];
+    Vector3 d = bone.tail - bone.head;
+    if (!(d.norm() > 0)) d = Vector3::UnitX();
+    const Vector3 a = d.cross(std::abs(d.z()) < 0.9 * d.norm() ? Vector3::UnitZ() : Vector3::UnitX());
+    for (const Vector3& axis : {a, Vector3(d.cross(a))})
+      for (const double sign : {-1.0, 1.0})
+        poses.push_back(bend(skeleton, b, axis, sign * degrees * std::numbers::pi / 180));
+  }
+  return poses;
+}
+
+inline std::vector<Pose> clip_poses(std::span<const Clip> clips, Index most) {
+  std::size_t frames = 0;
+  for (const Clip& clip : clips) frames += clip.poses.size();
+  std::vector<Pose> poses;
+  for (const Clip& clip : clips) {
+    const std::size_t own = clip.poses.size();
+    if (own == 0) continue;
+    const std::size_t wanted = static_cast<std::size_t>(most) >= frames
+                                   ? own
+                                   : std::clamp<std::size_t>(own * static_cast<std::size_t>(most) / frames, 1, own);
+    for (std::size_t k = 0; k < wanted && poses.size() < static_cast<std::size_t>(most); ++k)
+      poses.push_back(clip.poses[k * own / wanted]);
+  }
+  return poses;
+}
+
+namespace detail {
+
+/// A rigid motion as a unit dual quaternion, after the stretch that the transform began with.
+struct DualQuaternion {
+  Eigen::Quaterniond real, dual;
+  Eigen::Matrix3d stretch;
+};
+
+inline DualQuaternion dual_quaternion(const Eigen::Affine3d& transform) {
+  // Polar decomposition: linear = rotation * stretch.
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(transform.linear(), Eigen::ComputeFullU | Eigen::ComputeFullV);
+  Eigen::Matrix3d u = svd.matrixU();
+  if (u.determinant() * svd.matrixV().determinant() < 0) u.col(2) = -u.col(2);
+  const Eigen::Matrix3d rotation = u * svd.matrixV().transpose();
+  DualQuaternion q;
+  q.real = Eigen::Quaterniond(rotation).normalized();
+  const Vector3 t = 0.5 * transform.translation();
+  q.dual = Eigen::Quaterniond(0, t.x(), t.y(), t.z()) * q.real;
+  q.stretch = rotation.transpose() * transform.linear();
+  return q;
+}
+
+}  // namespace detail
+
+inline Points<double> skin(const Points<double>& points, const SkinWeights& weights, const Pose& pose,
+                           Skinning method) {
+  assert(weights.rows() == points.rows() && weights.cols() == static_cast<Eigen::Index>(pose.size()));
+  Points<double> posed(points.rows(), 3);
+  if (method == Skinning::linear_blend) {
+    for (Eigen::Index v = 0; v < points.rows(); ++v) {
+      Eigen::Matrix<double, 3, 4> blended = Eigen::Matrix<double, 3, 4>::Zero();
+      bool any = false;
+      for (SkinWeights::InnerIterator it(weights, v); it; ++it, any = true)
+        blended += it.value() * pose[static_cast<std::size_t>(it.col())].matrix().topRows<3>();
+      const Vector3 p = points.row(v).transpose();
+      const Vector3 moved = blended.leftCols<3>() * p + blended.col(3);
+      posed.row(v) = (any ? moved : p).transpose();
+    }
+    return posed;
+  }
+  std::vector<detail::DualQuaternion> motion;
+  motion.reserve(pose.size());
+  for (const Eigen::Affine3d& transform : pose) motion.push_back(detail::dual_quaternion(transform));
+  for (Eigen::Index v = 0; v < points.rows(); ++v) {
+    const detail::DualQuaternion* pivot = nullptr;  // signs are taken relative to the strongest bone
+    double strongest = 0;
+    for (SkinWeights::InnerIterator it(weights, v); it; ++it)
+      if (it.value() > strongest) strongest = it.value(), pivot = &motion[static_cast<std::size_t>(it.col())];
+    const Vector3 p = points.row(v).transpose();
+    if (!pivot) {
+      posed.row(v) = p.transpose();
+      continue;
+    }
+    Eigen::Vector4d real = Eigen::Vector4d::Zero(), dual = Eigen::Vector4d::Zero();
+    Eigen::Matrix3d stretch = Eigen::Matrix3d::Zero();
+    for (SkinWeights::InnerIterator it(weights, v); it; ++it) {
+      const detail::DualQuaternion& q = motion[static_cast<std::size_t>(it.col())];
+      const double w = q.real.dot(pivot->real) < 0 ? -it.value() : it.value();
+      real += w * q.real.coeffs();
+      dual += w * q.dual.coeffs();
+      stretch += it.value() * q.stretch;
+    }
+    const double length = real.norm();  // > 0: every term lies in the pivot's half space, the pivot's own inside it
+    const Eigen::Quaterniond r(Eigen::Vector4d(real / length)), d(Eigen::Vector4d(dual / length));
+    const Vector3 translation = 2 * (r.w() * d.vec() - d.w() * r.vec() + r.vec().cross(d.vec()));
+    posed.row(v) = (r * Vector3(stretch * p) + translation).transpose();
+  }
+  return posed;
+}
+
+inline std::vector<Index> rigid_groups(const Pose& pose) {
+  std::vector<Index> group(pose.size());
+  std::vector<std::size_t> first;  // a bone of each group
+  for (std::size_t b = 0; b < pose.size(); ++b) {
+    std::size_t g = 0;
+    while (g < first.size() && pose[first[g]].matrix() != pose[b].matrix()) ++g;
+    if (g == first.size()) first.push_back(b);
+    group[b] = static_cast<Index>(g);
+  }
+  return group;
+}
+
+inline Eigen::VectorXd blending(const SkinWeights& weights, const Pose& pose) {
+  const std::vector<Index> group = rigid_groups(pose);
+  Eigen::VectorXd result(weights.rows());
+  std::vector<double> share(pose.size(), 0);
+  for (Eigen::Index v = 0; v < weights.rows(); ++v) {
+    double largest = 0;
+    for (SkinWeights::InnerIterator it(weights, v); it; ++it) {
+      double& s = share[static_cast<std::size_t>(group[static_cast<std::size_t>(it.col())])];
+      s += it.value();
+      largest = std::max(largest, s);
+    }
+    for (SkinWeights::InnerIterator it(weights, v); it; ++it)
+      share[static_cast<std::size_t>(group[static_cast<std::size_t>(it.col())])] = 0;
+    result[v] = 1 - largest;
+  }
+  return result;
+}
+
+}  // namespace quadrig
