@@ -12,6 +12,9 @@ endif()
 if(TARGET quadrig_cli)
   install(TARGETS quadrig_cli)
 endif()
+if(TARGET quadrig_picture_cli AND QUADRIG_BUILD_CLI)
+  install(TARGETS quadrig_picture_cli)
+endif()
 install(EXPORT quadrig_targets NAMESPACE quadrig:: DESTINATION "${quadrig_cmake_dir}")
 
 configure_package_config_file("${CMAKE_CURRENT_LIST_DIR}/quadrig-config.cmake.in"
