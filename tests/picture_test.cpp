@@ -14,7 +14,7 @@ PolygonMesh square(bool turned = false) {
   mesh.positions.resize(4, 3);
   mesh.positions << -1, -1, 0, 1, -1, 0, 1, 1, 0, -1, 1, 0;
   mesh.corners = turned ? std::vector<Index>{3, 2, 1, 0} : std::vector<Index>{0, 1, 2, 3};
-  mesh.begin = {0, 4};
+  mesh.first_corner = {0, 4};
   return mesh;
 }
 
@@ -57,7 +57,7 @@ TEST_CASE("picture: the nearer of two faces hides the other in either order", "[
     mesh.positions.bottomRows(4) << -1, -1, z, 1, -1, z, 1, 1, z, -1, 1, z;
     // Of the two faces, the one at the front looks at the eye and the other away.
     mesh.corners = near_first ? std::vector<Index>{0, 1, 2, 3, 7, 6, 5, 4} : std::vector<Index>{3, 2, 1, 0, 4, 5, 6, 7};
-    mesh.begin = {0, 4, 8};
+    mesh.first_corner = {0, 4, 8};
     const std::vector<PolygonMesh> meshes{mesh};
     const auto image = draw(meshes, from_the_front());
     REQUIRE(image.has_value());
@@ -86,25 +86,6 @@ TEST_CASE("picture: options out of range are errors that name the field", "[pict
   REQUIRE_FALSE(image.has_value());
   CHECK(image.error().what.find("cell_width") != std::string::npos);
   CHECK_FALSE(draw({}, PictureOptions{}).has_value());
-}
-
-TEST_CASE("picture: OBJ polygons are read with their line in every error", "[picture][fast]") {
-  const quadrig::test::ScratchFolder folder("picture");
-  const auto write = [&](const char* text) { std::ofstream(folder / "a.obj") << text; };
-  write("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1/1 3//1 -1\n");
-  const auto mesh = read_polygons(folder / "a.obj");
-  REQUIRE(mesh.has_value());
-  CHECK(mesh->all_quads());
-  CHECK(mesh->corners == std::vector<Index>{0, 1, 2, 3});
-
-  for (const char* text :
-       {"v 0 0\n", "v 0 0 0\nf 1 2 3\n", "v 0 0 0\nf 1 1\n", "v 0 0 0\nf a b c\n", "v 0 0 0\nf 0 1 1\n"}) {
-    write(text);
-    const auto refused = read_polygons(folder / "a.obj");
-    REQUIRE_FALSE(refused.has_value());
-    CHECK(refused.error().where.find("a.obj:") != std::string::npos);
-  }
-  CHECK(read_polygons(folder / "none.obj").error().code == ErrorCode::bad_file);
 }
 
 TEST_CASE("picture: a PNG is written whole or refused", "[picture][fast]") {

@@ -16,6 +16,13 @@ using Colour = Eigen::Vector3d;  // linear light
 
 constexpr int samples = 3;  // a pixel is samples × samples points
 
+/// True where every polygon has four sides.
+bool all_quads(const PolygonMesh& mesh) {
+  for (Index p = 0; p < mesh.polygon_count(); ++p)
+    if (mesh.polygon(p).size() != 4) return false;
+  return mesh.polygon_count() > 0;
+}
+
 struct Palette {
   Colour background{1, 1, 1};
   Colour quads{0.52, 0.68, 0.80}, others{0.62, 0.62, 0.60}, behind{0.75, 0.10, 0.08};
@@ -119,7 +126,7 @@ class Painter {
   Cell draw() {
     Cell cell(options_.cell_width, options_.cell_height, palette_.background);
     fit(cell);
-    const bool quads = mesh_.all_quads();
+    const bool quads = all_quads(mesh_);
     const double line = line_width();
     for (Index p = 0; p < mesh_.polygon_count(); ++p) paint_polygon(cell, p, quads, line);
     if (quads && options_.irregular_vertices)

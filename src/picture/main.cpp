@@ -1,16 +1,17 @@
-// quadrig-picture: OBJ files in, one PNG out.
+// quadrig-picture: meshes in, one PNG out.
 #include <CLI/CLI.hpp>
 
 #include <iostream>
 
 #include "picture/picture.hpp"
+#include "quadrig/io.hpp"
 
 int main(int argc, char** argv) {
-  CLI::App app("Draws OBJ meshes side by side into a PNG: shaded faces, edges, irregular vertices of quads.");
+  CLI::App app("Draws meshes side by side into a PNG: shaded faces, edges, irregular vertices of quads.");
   std::vector<std::string> inputs;
   std::string output;
   quadrig::PictureOptions options;
-  app.add_option("meshes", inputs, "OBJ files")->required();
+  app.add_option("meshes", inputs, "OBJ, OFF or PLY files")->required();
   app.add_option("-o,--output", output, "PNG file to write")->required();
   app.add_option("--width", options.cell_width, "pixels of each mesh")->capture_default_str();
   app.add_option("--height", options.cell_height, "pixels of each mesh")->capture_default_str();
@@ -26,9 +27,10 @@ int main(int argc, char** argv) {
     std::cerr << "quadrig-picture: " << error.message() << "\n";
     return 1;
   };
+  quadrig::Context context;
   std::vector<quadrig::PolygonMesh> meshes;
   for (const auto& input : inputs) {
-    auto mesh = quadrig::read_polygons(input);
+    auto mesh = quadrig::read_surface(input, {}, context);
     if (!mesh) return fail(mesh.error());
     meshes.push_back(std::move(*mesh));
   }

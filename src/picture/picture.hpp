@@ -7,28 +7,9 @@
 #include <filesystem>
 #include <span>
 
-#include "quadrig/core.hpp"
+#include "quadrig/prepare.hpp"
 
 namespace quadrig {
-
-/// Polygons of any number of sides, counter-clockwise; corners of polygon p are corners[begin[p]] … corners[begin[p +
-/// 1]].
-struct PolygonMesh {
-  Points<double> positions;
-  std::vector<Index> corners, begin{0};
-
-  [[nodiscard]] Index polygon_count() const { return static_cast<Index>(begin.size()) - 1; }
-  [[nodiscard]] std::span<const Index> polygon(Index p) const {
-    const auto first = static_cast<std::size_t>(begin[static_cast<std::size_t>(p)]);
-    return {corners.data() + first, static_cast<std::size_t>(begin[static_cast<std::size_t>(p) + 1]) - first};
-  }
-  /// True where every polygon has four sides.
-  [[nodiscard]] bool all_quads() const;
-};
-
-/// Reads the positions and faces of an OBJ file and nothing else of it.
-/// \fails bad_file when it cannot be read; bad_input on an index out of range: names the line.
-[[nodiscard]] Expected<PolygonMesh> read_polygons(const std::filesystem::path& file);
 
 /// 8 bits each of red, green and blue, row by row from the top.
 struct Image {
