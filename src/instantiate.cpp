@@ -1,9 +1,14 @@
 // The one definition of every large function and of every costly template's double instantiation.
 #include "quadrig/asset.hpp"
 #include "quadrig/connection.hpp"
+#include "quadrig/field.hpp"
 #include "quadrig/prepare.hpp"
 #include "quadrig/quads.hpp"
 
+#include "quadrig/field/design.ipp"
+#include "quadrig/field/lengths.ipp"
+#include "quadrig/field/power.ipp"
+#include "quadrig/field/systems.ipp"
 #include "quadrig/prepare/prepare.ipp"
 #include "quadrig/prepare/refine.ipp"
 #include "quadrig/prepare/repair.ipp"

@@ -36,8 +36,7 @@ template <class K>
 class TermRef {
  public:
   template <class T>
-    requires(!std::is_same_v<std::remove_cvref_t<T>, TermRef> && EnergyTerm<T, K>)
-  TermRef(const T& term)
+  requires(!std::is_same_v<std::remove_cvref_t<T>, TermRef> && EnergyTerm<T, K>) TermRef(const T& term)
       : term_(&term),
         name_([](const void* t) -> std::string_view { return static_cast<const T*>(t)->name(); }),
         rows_([](const void* t, EmitRow<K> emit) { static_cast<const T*>(t)->for_each_row(emit); }) {}
@@ -56,8 +55,7 @@ template <class K>
 class AnyTerm {
  public:
   template <class T>
-    requires(!std::is_same_v<std::remove_cvref_t<T>, AnyTerm> && EnergyTerm<std::remove_cvref_t<T>, K>)
-  AnyTerm(T&& term)
+  requires(!std::is_same_v<std::remove_cvref_t<T>, AnyTerm> && EnergyTerm<std::remove_cvref_t<T>, K>) AnyTerm(T&& term)
       : owner_(std::make_shared<const std::remove_cvref_t<T>>(std::forward<T>(term))),
         ref_(*static_cast<const std::remove_cvref_t<T>*>(owner_.get())) {}
 
@@ -77,10 +75,8 @@ struct RowTerm {
 
   [[nodiscard]] std::string_view name() const { return title; }
   template <class K>
-    requires std::invocable<const F&, EmitRow<K>>
-  void for_each_row(EmitRow<K> emit) const {
-    rows(emit);
-  }
+  requires std::invocable<const F&, EmitRow<K>>
+  void for_each_row(EmitRow<K> emit) const { rows(emit); }
 };
 template <class F>
 RowTerm(const char*, F) -> RowTerm<F>;

@@ -25,7 +25,7 @@ using real_of = typename detail::RealOf<K>::type;
 /// The four number types that forms and solvers are made for.
 template <class K>
 concept SparseScalar = std::is_same_v<K, float> || std::is_same_v<K, double> ||
-                       std::is_same_v<K, std::complex<float>> || std::is_same_v<K, std::complex<double>>;
+    std::is_same_v<K, std::complex<float>> || std::is_same_v<K, std::complex<double>>;
 
 /// The complex conjugate, and the number itself where K is real.
 template <class K>

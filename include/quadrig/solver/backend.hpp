@@ -37,8 +37,9 @@ template <SparseScalar K>
 class AnySolver {
  public:
   template <class S>
-    requires(!std::is_same_v<std::remove_cvref_t<S>, AnySolver> && SolverBackend<std::remove_cvref_t<S>, K>)
-  AnySolver(S&& backend) : model_(std::make_unique<Model<std::remove_cvref_t<S>>>(std::forward<S>(backend))) {}
+  requires(!std::is_same_v<std::remove_cvref_t<S>, AnySolver> && SolverBackend<std::remove_cvref_t<S>, K>)
+      AnySolver(S&& backend)
+      : model_(std::make_unique<Model<std::remove_cvref_t<S>>>(std::forward<S>(backend))) {}
 
   [[nodiscard]] std::string_view name() const { return model_->name(); }
   Status analyze(const HermitianView<K>& A, std::span<const Index> order, Context& context) {
@@ -93,7 +94,8 @@ class AnySolver {
     S solver;
   };
 
-  AnySolver(std::unique_ptr<Base> model, std::uint64_t version) : model_(std::move(model)), analyzed_version_(version) {}
+  AnySolver(std::unique_ptr<Base> model, std::uint64_t version)
+      : model_(std::move(model)), analyzed_version_(version) {}
 
   std::unique_ptr<Base> model_;
   std::uint64_t analyzed_version_ = 0;

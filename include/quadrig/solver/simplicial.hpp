@@ -35,7 +35,8 @@ class SimplicialLdlt {
     } else {
       bool sound = order.size() == n;
       for (std::size_t k = 0; sound && k < n; ++k) {
-        sound = order[k] >= 0 && order[k] < A.size && analysis->position[static_cast<std::size_t>(order[k])] == no_index;
+        sound =
+            order[k] >= 0 && order[k] < A.size && analysis->position[static_cast<std::size_t>(order[k])] == no_index;
         if (sound) analysis->position[static_cast<std::size_t>(order[k])] = static_cast<Index>(k);
       }
       if (!sound)
@@ -95,7 +96,8 @@ class SimplicialLdlt {
     SolveInfo info;
     info.residual = static_cast<double>(scale > 0 ? difference / scale : difference);
     if (!std::isfinite(info.residual))
-      info.status = Error{ErrorCode::numeric, "the solution is not finite", "solver eigen", "check the right-hand side"};
+      info.status =
+          Error{ErrorCode::numeric, "the solution is not finite", "solver eigen", "check the right-hand side"};
     return info;
   }
 
@@ -124,8 +126,8 @@ class SimplicialLdlt {
       starts.assign(n + 1, 0);
       const auto for_each_entry = [&](auto&& body) {
         for (std::size_t j = 0; j < n; ++j)
-          for (auto e = static_cast<std::size_t>(A.column_starts[j]); e < static_cast<std::size_t>(A.column_starts[j + 1]);
-               ++e)
+          for (auto e = static_cast<std::size_t>(A.column_starts[j]);
+               e < static_cast<std::size_t>(A.column_starts[j + 1]); ++e)
             body(e, position[static_cast<std::size_t>(A.rows[e])], position[j]);
       };
       for_each_entry([&](std::size_t, Index p, Index q) { ++starts[static_cast<std::size_t>(std::max(p, q)) + 1]; });

@@ -1,0 +1,59 @@
+// Directions that a field must have: along borders and creases.
+#pragma once
+
+#include "quadrig/constraints/targets.hpp"
+
+namespace quadrig {
+
+/// Angle between the normals of the two faces of a half-edge, radians in [0, π]; 0 on the boundary.
+template <class Scalar>
+[[nodiscard]] Scalar dihedral_angle(const TriangleMesh<Scalar>& mesh, Index halfedge) {
+  const Index across = mesh.twin(halfedge);
+  if (across == no_index) return 0;
+  const auto a = mesh.normal(halfedge / 3), b = mesh.normal(across / 3);
+  return std::atan2(a.cross(b).norm(), a.dot(b));
+}
+
+/// Half-edges, both of a pair, whose dihedral angle is above the limit. A limit of π or more: none.
+template <class Scalar>
+[[nodiscard]] std::vector<Index> crease_halfedges(const TriangleMesh<Scalar>& mesh, double limit_radians) {
+  std::vector<Index> creases;
+  for (Index h = 0; h < mesh.halfedge_count(); ++h)
+    if (mesh.twin(h) != no_index && static_cast<double>(dihedral_angle(mesh, h)) > limit_radians) creases.push_back(h);
+  return creases;
+}
+
+template <class Scalar>
+[[nodiscard]] std::vector<Index> boundary_halfedges(const TriangleMesh<Scalar>& mesh) {
+  std::vector<Index> boundary;
+  for (Index h = 0; h < mesh.halfedge_count(); ++h)
+    if (mesh.twin(h) == no_index) boundary.push_back(h);
+  return boundary;
+}
+
+/// One direction for each face that has one of the half-edges, along it; along the longest (ties: the lowest) where
+/// a face has several. Ascending by face.
+/// \cost O(k log k) for k half-edges. \fails never
+template <class Scalar>
+[[nodiscard]] std::vector<FixedDirection> directions_along(const TriangleMesh<Scalar>& mesh,
+                                                           const Connection<Scalar>& connection,
+                                                           std::vector<Index> halfedges) {
+  std::sort(halfedges.begin(), halfedges.end());
+  halfedges.erase(std::unique(halfedges.begin(), halfedges.end()), halfedges.end());
+  std::vector<FixedDirection> fixed;
+  Scalar longest = 0;
+  for (const Index h : halfedges) {
+    const Scalar length = mesh.edge_vector(h).squaredNorm();
+    const bool same_face = !fixed.empty() && fixed.back().face == h / 3;
+    if (same_face && length <= longest) continue;
+    longest = length;
+    const FixedDirection direction{h / 3, Complex(connection.edge(h))};
+    if (same_face)
+      fixed.back() = direction;
+    else
+      fixed.push_back(direction);
+  }
+  return fixed;
+}
+
+}  // namespace quadrig

@@ -1,0 +1,111 @@
+// The cross field of a surface: directions and line densities that follow the rig, the curvature or given targets.
+#pragma once
+
+#include "quadrig/asset.hpp"
+#include "quadrig/field/frames.hpp"
+#include "quadrig/field/lengths.hpp"
+#include "quadrig/field/matching.hpp"
+#include "quadrig/field/power.hpp"
+#include "quadrig/field/systems.hpp"
+
+namespace quadrig {
+
+enum class FieldPreset : std::uint8_t {
+  standard,  ///< "default": follows the bones, independent of resolution; without a rig the same as `flat`
+  thesis,    ///< the exact energy of the thesis, densities as its roots give them; needs a rig
+  flat,      ///< "static": no rig; smooth, along principal curvature where it is pronounced
+};
+
+/// "default", "thesis" or "static". \fails bad_option on any other name
+[[nodiscard]] Expected<FieldPreset> field_preset(std::string_view name);
+[[nodiscard]] std::string_view field_preset_name(FieldPreset preset);
+
+/// Everything not set takes the preset's value. The thesis preset reads `solver` and `limits` alone.
+struct FieldOptions {
+  FieldPreset preset = FieldPreset::standard;
+
+  /// How far targets are carried and below which singularities merge: a fraction, in (0, 1], of the square root of
+  /// the area of each component.
+  std::optional<double> smoothing_length;
+  /// Length of a quad's edge, or 0: the smoothing length is at least `merge_quads` of it, so that singularities closer
+  /// than a quad merge.
+  double quad_edge = 0;
+  double merge_quads = 1;
+
+  /// How much bones pull, and principal curvature; ≥ 0. Without a rig there are no bones to pull.
+  std::optional<double> bone_weight;
+  std::optional<double> curvature_weight;
+  /// Curvature is averaged over this fraction of the square root of the area of its component, > 0.
+  double curvature_length = 0.01;
+
+  /// Targets of the caller's own, added to the preset's: one entry a face.
+  std::optional<PolyVectorTargets> targets;
+  /// Faces whose cross is given.
+  std::vector<FixedDirection> fixed;
+  /// The cross follows the border on every face beside it.
+  bool follow_boundary = true;
+  /// The cross follows edges that bend more than this on both their faces, radians; π: none.
+  double crease_angle_radians = std::numbers::pi;
+  /// Further terms in x0 and in x1, one unknown a face.
+  std::vector<AnyTerm<Complex>> own_terms_x0, own_terms_x1;
+
+  /// Densities: off, |u| = |v| = 1; on, the densities that bones ask for where two of them meet, clamped to [1, 4].
+  bool bone_density = false;
+
+  FrameLimits limits;
+  std::string solver{default_solver_name};
+
+  /// \fails bad_option, naming the field
+  [[nodiscard]] Status validate(Index faces) const;
+};
+
+struct FieldReport {
+  FieldPreset preset = FieldPreset::standard;  ///< the one in force: `flat` where `standard` found no rig
+  std::string solver;
+
+  Index vertices = 0, faces = 0, bones = 0, interior_edges = 0;
+  double sum_omega1 = 0, sum_omega2 = 0;
+  /// Parts of the minimized energy. `thesis`: over faces of area relative to the largest; else of shares of the area.
+  double energy_align = 0, energy_smooth = 0, energy_orth = 0;
+  double sum_abs_x0 = 0, sum_abs_x1 = 0, median_abs_x0 = 0;
+  /// Where ω1 > 0.9: faces, and the angle from the nearer vector to the bone, degrees.
+  Index faces_omega1_above_0_9 = 0;
+  double mean_angle_to_bone_deg = 0, median_angle_to_bone_deg = 0;
+  /// Vertices with positive and with negative I4 inside; 4χ, over the border too.
+  Index singularities_plus = 0, singularities_minus = 0, index_sum = 0;
+
+  Index singularities_boundary = 0;
+  Index euler_characteristic = 0;
+  double smoothing_length = 0;  ///< largest over the components, a length
+  Index fixed_faces = 0;
+  Index free_components = 0;  ///< components that no target pins: the smoothest field there is
+  Index bounded_frames = 0;   ///< frames brought within the limits
+  FieldSolverReport solve;
+  double seconds = 0;
+};
+
+struct FieldResult {
+  FrameField frames;
+  PolyVectorField polynomial;
+  Matching matching;
+  Singularities singularities;
+  FieldReport report;
+};
+
+/// The field of an asset: frames, matching and singularities, with Gauss–Bonnet and Poincaré–Hopf checked.
+/// \pre no face of zero area; `connection` is of the asset's mesh
+/// \cost one analysis and two sparse factorizations with one complex unknown a face.
+/// \fails bad_option, naming it; bad_input where the weights do not fit; numeric where a system is singular (thesis: a
+///   component without target) or a check fails; cancelled. Source: thesis chapter 4; design of the defaults in
+///   docs/field.md.
+[[nodiscard]] Expected<FieldResult> design_field(const Asset& asset, const Connection<double>& connection,
+                                                 const FieldOptions& options, Context& context);
+
+}  // namespace quadrig
+
+#if !defined(QUADRIG_COMPILED)
+#include "quadrig/field/design.ipp"
+#include "quadrig/field/lengths.ipp"
+#include "quadrig/field/power.ipp"
+#include "quadrig/field/systems.ipp"
+#endif

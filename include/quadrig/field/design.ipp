@@ -1,0 +1,413 @@
+// Definitions of field.hpp.
+#pragma once
+
+#include "quadrig/field.hpp"
+
+namespace quadrig {
+
+QUADRIG_INLINE Expected<FieldPreset> field_preset(std::string_view name) {
+  if (name == "default") return FieldPreset::standard;
+  if (name == "thesis") return FieldPreset::thesis;
+  if (name == "static") return FieldPreset::flat;
+  return Error{ErrorCode::bad_option, "there is no such preset", "preset " + std::string(name),
+               "one of: default, thesis, static"};
+}
+
+QUADRIG_INLINE std::string_view field_preset_name(FieldPreset preset) {
+  switch (preset) {
+    case FieldPreset::thesis:
+      return "thesis";
+    case FieldPreset::flat:
+      return "static";
+    case FieldPreset::standard:
+      break;
+  }
+  return "default";
+}
+
+QUADRIG_INLINE Status FieldOptions::validate(Index faces) const {
+  const auto m = static_cast<std::size_t>(faces);
+  const auto fail = [](std::string what, std::string field, std::string remedy) {
+    return Status(Error{ErrorCode::bad_option, std::move(what), "field, " + std::move(field), std::move(remedy)});
+  };
+  const auto not_negative = [](double x) { return x >= 0 && std::isfinite(x); };
+  if (smoothing_length && !(*smoothing_length > 0 && *smoothing_length <= 1))
+    return fail("a fraction in (0, 1] is needed", "smoothing_length", "0.02 is usual");
+  if (!not_negative(quad_edge)) return fail("a length is not negative", "quad_edge", "0 for no quad");
+  if (!not_negative(merge_quads)) return fail("a factor is not negative", "merge_quads", "1 is usual");
+  if (bone_weight && !not_negative(*bone_weight)) return fail("a weight is not negative", "bone_weight", "0 for none");
+  if (curvature_weight && !not_negative(*curvature_weight))
+    return fail("a weight is not negative", "curvature_weight", "0 for none");
+  if (!(curvature_length > 0 && curvature_length <= 1))
+    return fail("a fraction in (0, 1] is needed", "curvature_length", "0.01 is usual");
+  if (!(crease_angle_radians > 0)) return fail("an angle is positive", "crease_angle_radians", "π for no creases");
+  if (!(limits.least_angle_radians >= 0 && limits.least_angle_radians < std::numbers::pi / 2))
+    return fail("an angle in [0, π/2) is needed", "limits.least_angle_radians", "0.44 is usual");
+  if (!(limits.largest_ratio >= 1)) return fail("a ratio is at least 1", "limits.largest_ratio", "8 is usual");
+  if (targets) {
+    if (targets->x0.size() != m || targets->x1.size() != m || targets->weight.size() != m)
+      return fail("one entry a face is needed", "targets", "use weight 0 where there is none");
+    for (std::size_t f = 0; f < m; ++f)
+      if (!not_negative(targets->weight[f]) || !std::isfinite(std::norm(targets->x0[f])) ||
+          !std::isfinite(std::norm(targets->x1[f])))
+        return fail("a target is not finite or its weight is negative, face " + std::to_string(f), "targets",
+                    "use weight 0 where there is none");
+  }
+  for (const FixedDirection& each : fixed)
+    if (each.face < 0 || each.face >= faces || !(std::abs(each.direction) > 0) ||
+        !std::isfinite(std::norm(each.direction)))
+      return fail("a fixed direction needs a face and a length", "fixed", "drop face " + std::to_string(each.face));
+  return {};
+}
+
+namespace detail {
+
+struct FieldProblem {
+  const TriangleMesh<double>* mesh;
+  const Connection<double>* connection;
+  const Skeleton* skeleton = nullptr;
+  std::optional<Dominance> dominance;
+};
+
+// |x| per face as numbers that do not depend on the bases.
+QUADRIG_INLINE void describe_polynomial(const PolyVectorField& field, FieldReport& report) {
+  std::vector<double> size;
+  size.reserve(field.x0.size());
+  for (std::size_t f = 0; f < field.x0.size(); ++f) {
+    size.push_back(std::abs(field.x0[f]));
+    report.sum_abs_x0 += size.back();
+    report.sum_abs_x1 += std::abs(field.x1[f]);
+  }
+  std::sort(size.begin(), size.end());
+  const std::size_t half = size.size() / 2;
+  if (!size.empty()) report.median_abs_x0 = size.size() % 2 ? size[half] : (size[half - 1] + size[half]) / 2;
+}
+
+QUADRIG_INLINE void describe_bones(const FieldProblem& problem, const PolyVectorField& field, FieldReport& report) {
+  if (!problem.dominance) return;
+  std::vector<double> angles;
+  for (Index f = 0; f < problem.mesh->face_count(); ++f) {
+    const double omega1 = problem.dominance->omega(f, 1);
+    report.sum_omega1 += omega1;
+    report.sum_omega2 += problem.dominance->omega(f, 2);
+    if (!(omega1 > 0.9)) continue;
+    ++report.faces_omega1_above_0_9;
+    const Complex bone = bone_on_face(*problem.connection, *problem.skeleton, problem.dominance->share(f, 1).bone, f);
+    if (!(std::abs(bone) > 1e-12)) continue;
+    const auto [u, v] = raw_roots(field.x0[static_cast<std::size_t>(f)], field.x1[static_cast<std::size_t>(f)]);
+    const auto to_bone = [&](Complex z) {
+      const double size = std::abs(z) * std::abs(bone);
+      return size > 0 ? std::acos(std::clamp(std::abs(std::real(z * std::conj(bone))) / size, 0.0, 1.0)) : 0.0;
+    };
+    angles.push_back(std::min(to_bone(u), to_bone(v)) * 180 / std::numbers::pi);
+  }
+  if (angles.empty()) return;
+  for (const double angle : angles) report.mean_angle_to_bone_deg += angle / static_cast<double>(angles.size());
+  std::sort(angles.begin(), angles.end());
+  const std::size_t half = angles.size() / 2;
+  report.median_angle_to_bone_deg = angles.size() % 2 ? angles[half] : (angles[half - 1] + angles[half]) / 2;
+}
+
+QUADRIG_INLINE Expected<FieldResult> finish_field(const FieldProblem& problem, PolyVectorField polynomial,
+                                                  const FieldOptions& options, FieldReport report) {
+  FieldResult result;
+  describe_polynomial(polynomial, report);
+  describe_bones(problem, polynomial, report);
+  Roots found = roots(polynomial, options.limits);
+  report.bounded_frames = found.bounded;
+  result.frames = std::move(found.frames);
+  result.polynomial = std::move(polynomial);
+  result.matching = match(*problem.mesh, *problem.connection, result.frames);
+  auto counted = singularities(*problem.mesh, result.matching);
+  if (!counted) return counted.error();
+  result.singularities = std::move(*counted);
+  report.singularities_plus = result.singularities.plus;
+  report.singularities_minus = result.singularities.minus;
+  report.singularities_boundary = result.singularities.boundary;
+  report.index_sum = result.singularities.sum;
+  report.euler_characteristic = euler_characteristic(*problem.mesh);
+  result.report = std::move(report);
+  return result;
+}
+
+// The energy of the thesis as it stands, errata mended: areas relative to the largest, weights α and β.
+QUADRIG_INLINE Expected<FieldResult> design_thesis_field(const FieldProblem& problem, const FieldOptions& options,
+                                                         FieldReport report, Context& context) {
+  const TriangleMesh<double>& mesh = *problem.mesh;
+  const auto m = static_cast<std::size_t>(mesh.face_count());
+  PolyVectorTargets targets = bone_targets(mesh, *problem.connection, *problem.skeleton, *problem.dominance,
+                                           {.lengths = BoneTargetOptions::Lengths::thesis});
+  const double largest = m > 0 ? mesh.areas().maxCoeff() : 1.0;
+  std::vector<double> orthogonality(m), smoothness(3 * m, 0.0), beta(m);
+  for (std::size_t f = 0; f < m; ++f) {
+    const double area = mesh.area(static_cast<Index>(f)) / largest;
+    beta[f] = bone_beta(*problem.dominance, static_cast<Index>(f));
+    targets.weight[f] *= area;
+    orthogonality[f] = beta[f] * area;
+  }
+  for (Index h = 0; h < mesh.halfedge_count(); ++h) {
+    if (mesh.twin(h) == no_index) continue;
+    const auto f = static_cast<std::size_t>(h / 3), g = static_cast<std::size_t>(mesh.twin(h) / 3);
+    const double areas = (mesh.area(h / 3) + mesh.area(mesh.twin(h) / 3)) / largest;
+    smoothness[static_cast<std::size_t>(h)] = (beta[f] + beta[g]) / 2 * areas / 3;
+  }
+
+  auto solver = FieldSolver::create(mesh, *problem.connection, options.solver);
+  if (!solver) return solver.error();
+  const std::array<FieldSystem, 2> systems{
+      FieldSystem{.power = 4, .smoothness = smoothness, .target = targets.x0, .target_weight = targets.weight},
+      FieldSystem{.power = 2,
+                  .smoothness = smoothness,
+                  .target = targets.x1,
+                  .target_weight = targets.weight,
+                  .shrink = orthogonality}};
+  auto solved = solver->minimize(systems, context);
+  if (!solved) return solved.error();
+  PolyVectorField polynomial{std::move((*solved)[0]), std::move((*solved)[1])};
+  report.solve = solver->report();
+  const std::span<const Complex> x0 = polynomial.x0, x1 = polynomial.x1;
+  report.energy_align = energy_of<Complex>(Alignment<>(targets.x0, targets.weight), x0) +
+                        energy_of<Complex>(Alignment<>(targets.x1, targets.weight), x1);
+  report.energy_smooth = energy_of<Complex>(Smoothness<>(mesh, *problem.connection, 4, smoothness), x0) +
+                         energy_of<Complex>(Smoothness<>(mesh, *problem.connection, 2, smoothness), x1);
+  report.energy_orth = energy_of<Complex>(Orthogonality<>(orthogonality), x1);
+  return finish_field(problem, std::move(polynomial), options, std::move(report));
+}
+
+struct ComponentScales {
+  Components components;
+  std::vector<double> area;     // of each component
+  std::vector<double> share;    // of each face in its component's area
+  std::vector<double> average;  // smoothing length of each component as a fraction of sqrt(area)
+};
+
+QUADRIG_INLINE ComponentScales component_scales(const TriangleMesh<double>& mesh, double fraction, double length) {
+  ComponentScales scales;
+  scales.components = face_components(mesh);
+  scales.area.assign(static_cast<std::size_t>(scales.components.count), 0.0);
+  const auto component = [&](Index f) {
+    return static_cast<std::size_t>(scales.components.of_face[static_cast<std::size_t>(f)]);
+  };
+  for (Index f = 0; f < mesh.face_count(); ++f) scales.area[component(f)] += mesh.area(f);
+  for (Index f = 0; f < mesh.face_count(); ++f) scales.share.push_back(mesh.area(f) / scales.area[component(f)]);
+  // A component of a few quads would be smoothed flat by a length beyond its own size.
+  for (const double area : scales.area)
+    scales.average.push_back(std::max(fraction, std::min(0.25, length / std::sqrt(area))));
+  return scales;
+}
+
+// Unit crosses along the averaged principal directions; weights grow from 0, where the surface bends alike in all
+// directions or hardly at all, to 1.
+QUADRIG_INLINE Expected<PolyVectorTargets> curvature_targets(const FieldProblem& problem, const ComponentScales& scales,
+                                                             double fraction, FieldSolver& solver, Context& context) {
+  const TriangleMesh<double>& mesh = *problem.mesh;
+  const auto m = static_cast<std::size_t>(mesh.face_count());
+  const CurvatureMeasure measure = curvature_measure(mesh, *problem.connection);
+  std::vector<Complex> mean(m), deviation(m);
+  for (std::size_t f = 0; f < m; ++f) {
+    const double area = mesh.area(static_cast<Index>(f));
+    mean[f] = measure.mean[f] / area;
+    deviation[f] = measure.deviation[f] / area;
+  }
+  std::vector<double> smoothness = dirichlet_weights(mesh);
+  for (double& each : smoothness) each *= fraction * fraction;
+  const std::array<FieldSystem, 2> systems{
+      FieldSystem{.power = 2, .smoothness = smoothness, .target = deviation, .target_weight = scales.share},
+      FieldSystem{.power = 0, .smoothness = smoothness, .target = mean, .target_weight = scales.share}};
+  auto averaged = solver.minimize(systems, context);
+  if (!averaged) return averaged.error();
+  PolyVectorTargets targets = PolyVectorTargets::none(mesh.face_count());
+  for (std::size_t f = 0; f < m; ++f) {
+    const Complex q = (*averaged)[0][f];
+    const double size = std::abs(q), h = std::abs(std::real((*averaged)[1][f]));
+    const double scale = std::sqrt(scales.area[static_cast<std::size_t>(scales.components.of_face[f])]);
+    if (!(size * scale > 1e-9)) continue;
+    const double pronounced = size / (size + h), bend = size * scale;
+    targets.x0[f] = -(q / size) * (q / size);
+    targets.weight[f] = pronounced * pronounced * bend * bend / (1 + bend * bend);
+  }
+  return targets;
+}
+
+QUADRIG_INLINE void add_targets(PolyVectorTargets& sum, const PolyVectorTargets& other, double factor) {
+  for (std::size_t f = 0; f < sum.weight.size(); ++f) {
+    const double weight = factor * other.weight[f], total = sum.weight[f] + weight;
+    if (!(weight > 0)) continue;
+    sum.x0[f] = (sum.weight[f] * sum.x0[f] + weight * other.x0[f]) / total;
+    sum.x1[f] = (sum.weight[f] * sum.x1[f] + weight * other.x1[f]) / total;
+    sum.weight[f] = total;
+  }
+}
+
+// Where bones meet, the densities of the two-bone rule along the first bone and across it, within [1, 4].
+QUADRIG_INLINE DensityTargets bone_densities(const FieldProblem& problem, const FrameField& frames) {
+  const auto m = frames.u.size();
+  DensityTargets targets{std::vector<double>(m, 0.0), std::vector<double>(m, 0.0), std::vector<double>(m, 1.0)};
+  for (std::size_t f = 0; f < m; ++f) {
+    const auto face = static_cast<Index>(f);
+    const double omega1 = problem.dominance->omega(face, 1), omega2 = problem.dominance->omega(face, 2);
+    const Complex bone =
+        bone_on_face(*problem.connection, *problem.skeleton, problem.dominance->share(face, 1).bone, face);
+    if (!(omega2 > 0) || !(std::abs(bone) > 1e-12)) continue;
+    const BoneDensity density =
+        two_bone_density(*problem.mesh, *problem.connection, *problem.skeleton, *problem.dominance, face);
+    const double share = omega2 / (omega1 + omega2);
+    const double along = share * std::log(std::clamp(density.along, 1.0, 4.0));
+    const double across = share * std::log(std::clamp(density.across, 1.0, 4.0));
+    const bool u_along = std::abs(std::real(frames.u[f] * std::conj(bone))) / std::abs(frames.u[f]) >=
+                         std::abs(std::real(frames.v[f] * std::conj(bone))) / std::abs(frames.v[f]);
+    targets.log_u[f] = u_along ? along : across;
+    targets.log_v[f] = u_along ? across : along;
+  }
+  return targets;
+}
+
+QUADRIG_INLINE Expected<FieldResult> design_smooth_field(const FieldProblem& problem, const FieldOptions& options,
+                                                         FieldReport report, Context& context) {
+  const TriangleMesh<double>& mesh = *problem.mesh;
+  const Connection<double>& connection = *problem.connection;
+  const auto m = static_cast<std::size_t>(mesh.face_count());
+  const bool flat = report.preset == FieldPreset::flat;
+  const ComponentScales scales =
+      component_scales(mesh, options.smoothing_length.value_or(0.02), options.merge_quads * options.quad_edge);
+  for (std::size_t c = 0; c < scales.area.size(); ++c)
+    report.smoothing_length = std::max(report.smoothing_length, scales.average[c] * std::sqrt(scales.area[c]));
+  auto solver = FieldSolver::create(mesh, connection, options.solver);
+  if (!solver) return solver.error();
+
+  PolyVectorTargets targets = PolyVectorTargets::none(mesh.face_count());
+  const double bone_weight = options.bone_weight.value_or(flat ? 0.0 : 1.0);
+  const double curvature_weight = options.curvature_weight.value_or(flat ? 1.0 : 0.0);
+  std::vector<double> beta(m, 0.5);
+  if (problem.dominance && bone_weight > 0) {
+    add_targets(targets, bone_targets(mesh, connection, *problem.skeleton, *problem.dominance), bone_weight);
+    for (std::size_t f = 0; f < m; ++f) beta[f] = bone_beta(*problem.dominance, static_cast<Index>(f));
+  }
+  if (curvature_weight > 0) {
+    auto curved = curvature_targets(problem, scales, options.curvature_length, *solver, context);
+    if (!curved) return curved.error();
+    add_targets(targets, *curved, curvature_weight);
+  }
+  if (options.targets) add_targets(targets, *options.targets, 1);
+
+  // Given directions first, then borders, then creases: a face keeps the first it gets.
+  std::vector<char> held(m, 0);
+  std::vector<FieldSystem::Fixed> fixed0, fixed1;
+  const auto hold = [&](const std::vector<FixedDirection>& directions) {
+    for (const FixedDirection& each : directions) {
+      if (std::exchange(held[static_cast<std::size_t>(each.face)], char{1})) continue;
+      fixed0.push_back({each.face, -integer_power(each.direction / std::abs(each.direction), 4)});
+      fixed1.push_back({each.face, Complex{}});
+    }
+  };
+  hold(options.fixed);
+  if (options.follow_boundary) hold(directions_along(mesh, connection, boundary_halfedges(mesh)));
+  if (options.crease_angle_radians < std::numbers::pi)
+    hold(directions_along(mesh, connection, crease_halfedges(mesh, options.crease_angle_radians)));
+  report.fixed_faces = static_cast<Index>(fixed0.size());
+
+  // Energies are shares: divided by each component's area, lengths are fractions of its size.
+  std::vector<double> pull(scales.area.size(), 0.0), align(m), orthogonality(m);
+  const bool skewed =
+      !options.own_terms_x1.empty() || std::ranges::any_of(targets.x1, [](Complex x) { return x != 0.0; });
+  for (std::size_t f = 0; f < m; ++f) {
+    const auto c = static_cast<std::size_t>(scales.components.of_face[f]);
+    align[f] = scales.share[f] * targets.weight[f];
+    orthogonality[f] = scales.share[f] * beta[f];
+    pull[c] += align[f] + (held[f] ? 1.0 : 0.0);
+  }
+  std::vector<double> smoothness = dirichlet_weights(mesh, beta);
+  for (std::size_t h = 0; h < smoothness.size(); ++h) {
+    const double fraction = scales.average[static_cast<std::size_t>(scales.components.of_face[h / 3])];
+    smoothness[h] *= fraction * fraction;
+  }
+  std::vector<Index> number(scales.area.size(), no_index), unpinned;
+  for (std::size_t c = 0; c < pull.size(); ++c)
+    if (pull[c] < 1e-6) number[c] = report.free_components++;
+  std::vector<Complex> start;
+  if (report.free_components > 0) {
+    for (std::size_t f = 0; f < m; ++f)
+      unpinned.push_back(number[static_cast<std::size_t>(scales.components.of_face[f])]);
+    start = eigenvector_start(mesh, connection, 4);
+  }
+
+  std::vector<FieldSystem> systems{FieldSystem{.power = 4,
+                                               .smoothness = smoothness,
+                                               .target = targets.x0,
+                                               .target_weight = align,
+                                               .own_terms = options.own_terms_x0,
+                                               .fixed = fixed0,
+                                               .unpinned = unpinned,
+                                               .mass = scales.share,
+                                               .start = start}};
+  if (skewed)
+    systems.push_back(FieldSystem{.power = 2,
+                                  .smoothness = smoothness,
+                                  .target = targets.x1,
+                                  .target_weight = align,
+                                  .shrink = orthogonality,
+                                  .own_terms = options.own_terms_x1,
+                                  .fixed = fixed1});
+  auto solved = solver->minimize(systems, context);
+  if (!solved) return solved.error();
+  PolyVectorField polynomial{std::move((*solved)[0]), skewed ? std::move((*solved)[1]) : std::vector<Complex>(m)};
+  report.solve = solver->report();
+  const std::span<const Complex> x0 = polynomial.x0, x1 = polynomial.x1;
+  report.energy_align =
+      energy_of<Complex>(Alignment<>(targets.x0, align), x0) + energy_of<Complex>(Alignment<>(targets.x1, align), x1);
+  report.energy_smooth = energy_of<Complex>(Smoothness<>(mesh, connection, 4, smoothness), x0) +
+                         energy_of<Complex>(Smoothness<>(mesh, connection, 2, smoothness), x1);
+  report.energy_orth = energy_of<Complex>(Orthogonality<>(orthogonality), x1);
+
+  const double length = report.smoothing_length;
+  auto result = finish_field(problem, std::move(polynomial), options, std::move(report));
+  if (!result) return result;
+  const std::vector<double> zero(m, 0.0);
+  DensityTargets densities{zero, zero, zero};
+  if (options.bone_density && problem.dominance) {
+    auto smoothed = smooth_log_densities(mesh, result->matching, bone_densities(problem, result->frames), length,
+                                         context, options.solver);
+    if (!smoothed) return smoothed.error();
+    densities = std::move(*smoothed);
+  }
+  apply_densities(result->frames, densities, 1, 4);
+  return result;
+}
+
+}  // namespace detail
+
+QUADRIG_INLINE Expected<FieldResult> design_field(const Asset& asset, const Connection<double>& connection,
+                                                  const FieldOptions& options, Context& context) {
+  const Stopwatch clock;
+  const TriangleMesh<double>& mesh = asset.mesh;
+  if (Status status = options.validate(mesh.face_count()); !status.ok()) return status.error();
+  for (Index f = 0; f < mesh.face_count(); ++f)
+    if (!(mesh.area(f) > 0))
+      return Error{ErrorCode::bad_input, "the face has no area", "field, face " + std::to_string(f),
+                   "run prepare() to remove degenerate faces"};
+  detail::FieldProblem problem{&mesh, &connection, nullptr, {}};
+  FieldReport report;
+  report.preset = options.preset;
+  report.solver = options.solver;
+  report.vertices = mesh.vertex_count();
+  report.faces = mesh.face_count();
+  report.interior_edges = mesh.interior_edge_count();
+  if (asset.rig) {
+    auto dominance = Dominance::create(mesh, *asset.rig);
+    if (!dominance) return dominance.error();
+    problem.dominance = std::move(*dominance);
+    problem.skeleton = &asset.rig->skeleton;
+    report.bones = asset.rig->skeleton.bone_count();
+  } else if (options.preset == FieldPreset::thesis) {
+    return Error{ErrorCode::bad_option, "the thesis preset needs a rig", "field, preset", "use default or static"};
+  } else {
+    report.preset = FieldPreset::flat;
+  }
+  auto result = options.preset == FieldPreset::thesis
+                    ? detail::design_thesis_field(problem, options, std::move(report), context)
+                    : detail::design_smooth_field(problem, options, std::move(report), context);
+  if (result) result->report.seconds = clock.seconds();
+  return result;
+}
+
+}  // namespace quadrig

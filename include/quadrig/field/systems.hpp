@@ -1,0 +1,82 @@
+// The linear systems of fields: one unknown a face, one pattern, one analysis for all of them.
+#pragma once
+
+#include "quadrig/field/frames.hpp"
+#include "quadrig/solver.hpp"
+
+namespace quadrig {
+
+/// The energy of one complex number a face that transforms like the `power`-th power of a direction:
+/// Σ_e smoothness |z_f ē_f^n − z_g ē_g^n|² + Σ_f target_weight |z − target|² + Σ_f shrink |z|² + own terms.
+/// \pre spans outlive the call; smoothness has one entry a half-edge, the others one a face; shrink may be empty.
+struct FieldSystem {
+  int power = 4;
+  std::span<const double> smoothness;
+  std::span<const Complex> target;
+  std::span<const double> target_weight;
+  std::span<const double> shrink = {};
+  std::span<const AnyTerm<Complex>> own_terms = {};
+
+  /// Faces held, and their values.
+  struct Fixed {
+    Index face;
+    Complex value;
+  };
+  std::span<const Fixed> fixed = {};
+
+  /// Components (numbers ≥ 0, one a face, no_index elsewhere) that nothing pins: there z is the eigenvector of the
+  /// smallest eigenvalue of the smoothness against `mass`, by inverse iteration from `start`, its mean square 1.
+  std::span<const Index> unpinned = {};
+  std::span<const double> mass = {};
+  std::span<const Complex> start = {};
+};
+
+struct FieldSolverReport {
+  double assembly_seconds = 0, analysis_seconds = 0, factorization_seconds = 0, solve_seconds = 0;
+  double residual = 0;  ///< largest relative residual of the systems
+  Index inverse_iterations = 0;
+  Index analyses = 0;
+};
+
+/// Solves field systems on one mesh. The analysis lasts as long as the pattern does (the same fixed faces, the same
+/// own terms), over all systems and calls: new weights and targets cost a refill and a factorization.
+/// \pre mesh and connection outlive the solver.
+class FieldSolver {
+ public:
+  /// \fails as make_solver does
+  [[nodiscard]] static Expected<FieldSolver> create(const TriangleMesh<double>& mesh,
+                                                    const Connection<double>& connection,
+                                                    std::string_view solver = default_solver_name);
+
+  /// Minimizes each system; the k-th result belongs to the k-th system. Systems are factored side by side where the
+  /// context allows more than one thread; the bits of the results do not depend on that.
+  /// \cost O(m) to refill, a sparse factorization each. \fails numeric where a system is singular; cancelled.
+  [[nodiscard]] Expected<std::vector<std::vector<Complex>>> minimize(std::span<const FieldSystem> systems,
+                                                                     Context& context);
+
+  [[nodiscard]] const FieldSolverReport& report() const { return report_; }
+
+ private:
+  struct Slot {
+    QuadraticForm<Complex> form;
+    std::optional<AnySolver<Complex>> solver;
+    std::uint64_t version = 0;
+  };
+
+  FieldSolver(const TriangleMesh<double>& mesh, const Connection<double>& connection, std::string solver)
+      : mesh_(&mesh), connection_(&connection), solver_name_(std::move(solver)) {}
+
+  Status assemble(Slot& slot, const FieldSystem& system);
+  Status analyze(Slot& slot, Context& context);
+
+  const TriangleMesh<double>* mesh_;
+  const Connection<double>* connection_;
+  std::string solver_name_;
+  std::vector<Slot> slots_;
+  // The pattern of the last analysis, and a solver that holds it, unfactored.
+  std::vector<Index> column_starts_, rows_;
+  std::optional<AnySolver<Complex>> analyzed_;
+  FieldSolverReport report_;
+};
+
+}  // namespace quadrig

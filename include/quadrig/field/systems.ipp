@@ -1,0 +1,205 @@
+// Definitions of field/systems.hpp.
+#pragma once
+
+#include "quadrig/field/systems.hpp"
+
+namespace quadrig {
+
+QUADRIG_INLINE Expected<FieldSolver> FieldSolver::create(const TriangleMesh<double>& mesh,
+                                                         const Connection<double>& connection,
+                                                         std::string_view solver) {
+  if (auto known = make_solver<Complex>(solver); !known) return known.error();
+  return FieldSolver(mesh, connection, std::string(solver));
+}
+
+QUADRIG_INLINE Status FieldSolver::assemble(Slot& slot, const FieldSystem& system) {
+  std::vector<char> held(static_cast<std::size_t>(mesh_->face_count()), 0);
+  for (const FieldSystem::Fixed& fixed : system.fixed) {
+    held[static_cast<std::size_t>(fixed.face)] = 1;
+    slot.form.fix(fixed.face, fixed.value);
+  }
+  for (Index f = 0; f < mesh_->face_count(); ++f)
+    if (!held[static_cast<std::size_t>(f)]) slot.form.release(f);
+
+  const Smoothness<double> smoothness(*mesh_, *connection_, system.power, system.smoothness);
+  const Alignment<double> alignment(system.target, system.target_weight);
+  const Orthogonality<double> shrink(system.shrink);
+  std::vector<TermRef<Complex>> terms{smoothness, alignment, shrink};
+  for (const AnyTerm<Complex>& own : system.own_terms) terms.emplace_back(own);
+  if (Status status = slot.form.assemble(std::span<const TermRef<Complex>>(terms)); !status.ok()) return status;
+
+  // A component that nothing pins is singular, or as good as: a shift far below its first eigenvalue mends that.
+  if (!system.unpinned.empty()) {
+    const auto A = slot.form.matrix();
+    double mean = 0;
+    for (Index j = 0; j < A.size; ++j)
+      mean += std::real(A.values[static_cast<std::size_t>(A.column_starts[static_cast<std::size_t>(j)])]) / A.size;
+    Index unknown = 0;
+    for (std::size_t f = 0; f < held.size(); ++f) {
+      if (held[f]) continue;
+      if (system.unpinned[f] != no_index) slot.form.add_to_diagonal(unknown, 1e-8 * mean);
+      ++unknown;
+    }
+  }
+  return {};
+}
+
+QUADRIG_INLINE Status FieldSolver::analyze(Slot& slot, Context& context) {
+  if (slot.solver && slot.version == slot.form.pattern_version()) return {};
+  const auto A = slot.form.matrix();
+  const bool same =
+      analyzed_ && std::ranges::equal(A.column_starts, column_starts_) && std::ranges::equal(A.rows, rows_);
+  if (!same) {
+    auto fresh = make_solver<Complex>(solver_name_);
+    if (!fresh) return fresh.error();
+    analyzed_ = std::move(*fresh);
+    if (Status status = analyzed_->analyze(A, {}, context); !status.ok()) return status;
+    ++report_.analyses;
+    column_starts_.assign(A.column_starts.begin(), A.column_starts.end());
+    rows_.assign(A.rows.begin(), A.rows.end());
+  }
+  if (analyzed_->can_clone()) {
+    slot.solver = analyzed_->clone();
+  } else {
+    auto fresh = make_solver<Complex>(solver_name_);
+    if (!fresh) return fresh.error();
+    slot.solver = std::move(*fresh);
+    if (Status status = slot.solver->analyze(A, {}, context); !status.ok()) return status;
+    ++report_.analyses;
+  }
+  slot.version = slot.form.pattern_version();
+  return {};
+}
+
+namespace detail {
+
+// Inverse iteration on every unpinned component at once; each is normalized by itself.
+QUADRIG_INLINE Expected<Index> smallest_eigenvectors(const FieldSystem& system, const QuadraticForm<Complex>& form,
+                                                     AnySolver<Complex>& solver, std::vector<Complex>& z,
+                                                     Context& context) {
+  Index components = 0;
+  for (const Index component : system.unpinned) components = std::max(components, component + 1);
+  std::vector<double> square(static_cast<std::size_t>(components)), mass(square.size()), change(square.size());
+  for (std::size_t f = 0; f < z.size(); ++f)
+    if (system.unpinned[f] != no_index) mass[static_cast<std::size_t>(system.unpinned[f])] += system.mass[f];
+  const auto normalize = [&](std::vector<Complex>& values) {
+    std::fill(square.begin(), square.end(), 0.0);
+    for (std::size_t f = 0; f < values.size(); ++f)
+      if (system.unpinned[f] != no_index)
+        square[static_cast<std::size_t>(system.unpinned[f])] += system.mass[f] * std::norm(values[f]);
+    for (std::size_t f = 0; f < values.size(); ++f) {
+      if (system.unpinned[f] == no_index) continue;
+      const auto c = static_cast<std::size_t>(system.unpinned[f]);
+      values[f] = square[c] > 0 ? values[f] * std::sqrt(mass[c] / square[c]) : system.start[f];
+    }
+  };
+
+  std::vector<Complex> iterate(z.size());
+  for (std::size_t f = 0; f < z.size(); ++f)
+    if (system.unpinned[f] != no_index) iterate[f] = system.start[f];
+  normalize(iterate);
+  std::vector<Complex> right(z.size()), x(form.rhs().size());
+  Index iteration = 0;
+  for (constexpr Index limit = 100; iteration < limit; ++iteration) {
+    if (context.cancelled()) return cancelled_error("field");
+    for (std::size_t f = 0; f < z.size(); ++f)
+      right[f] = system.unpinned[f] == no_index ? Complex{} : system.mass[f] * iterate[f];
+    const std::vector<Complex> b = form.restrict_to_free(right);
+    if (const SolveInfo info = solver.solve(b, x, context); !info.status.ok()) return info.status.error();
+    std::vector<Complex> next = form.expand(x);
+    for (std::size_t f = 0; f < z.size(); ++f)
+      if (system.unpinned[f] == no_index) next[f] = 0;
+    normalize(next);
+    std::fill(change.begin(), change.end(), 0.0);
+    for (std::size_t f = 0; f < z.size(); ++f)
+      if (system.unpinned[f] != no_index)
+        change[static_cast<std::size_t>(system.unpinned[f])] += system.mass[f] * std::norm(next[f] - iterate[f]);
+    iterate = std::move(next);
+    bool settled = true;
+    for (std::size_t c = 0; c < change.size(); ++c) settled = settled && change[c] <= 1e-16 * mass[c];
+    if (settled) break;
+  }
+  for (std::size_t f = 0; f < z.size(); ++f)
+    if (system.unpinned[f] != no_index) z[f] = iterate[f];
+  return iteration;
+}
+
+}  // namespace detail
+
+QUADRIG_INLINE Expected<std::vector<std::vector<Complex>>> FieldSolver::minimize(std::span<const FieldSystem> systems,
+                                                                                 Context& context) {
+  report_ = {};
+  while (slots_.size() < systems.size()) slots_.push_back({QuadraticForm<Complex>(mesh_->face_count()), {}, 0});
+
+  for (std::size_t k = 0; k < systems.size(); ++k) {
+    const Stopwatch assembly;
+    if (Status status = assemble(slots_[k], systems[k]); !status.ok()) return status.error();
+    report_.assembly_seconds += assembly.seconds();
+    const Stopwatch analysis;
+    if (Status status = analyze(slots_[k], context); !status.ok()) return status.error();
+    report_.analysis_seconds += analysis.seconds();
+    if (context.cancelled()) return cancelled_error("field");
+  }
+
+  struct Outcome {
+    std::optional<Error> error;
+    std::vector<Complex> z;
+    double factorization_seconds = 0, solve_seconds = 0, residual = 0;
+    Index iterations = 0;
+  };
+  std::vector<Outcome> outcomes(systems.size());
+  context.parallel_for(systems.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin; k < end; ++k) {
+      Outcome& outcome = outcomes[k];
+      Slot& slot = slots_[k];
+      Context own;  // the caller's callbacks are for the caller's thread
+      own.cancel_flag = context.cancel_flag;
+      own.threads = 1;
+      std::vector<Complex> x(slot.form.rhs().size());
+      if (!x.empty()) {
+        const Stopwatch factorization;
+        if (Status status = slot.solver->factorize(slot.form.matrix(), own); !status.ok()) {
+          outcome.error = status.error();
+          continue;
+        }
+        outcome.factorization_seconds = factorization.seconds();
+        if (own.cancelled()) {
+          outcome.error = cancelled_error("field");
+          continue;
+        }
+      }
+      const Stopwatch solve;
+      if (!x.empty()) {
+        const SolveInfo info = slot.solver->solve(slot.form.rhs(), x, own);
+        if (!info.status.ok()) {
+          outcome.error = info.status.error();
+          continue;
+        }
+        outcome.residual = std::isnan(info.residual) ? 0 : info.residual;
+      }
+      outcome.z = slot.form.expand(x);
+      if (!systems[k].unpinned.empty()) {
+        auto iterations = detail::smallest_eigenvectors(systems[k], slot.form, *slot.solver, outcome.z, own);
+        if (!iterations) {
+          outcome.error = iterations.error();
+          continue;
+        }
+        outcome.iterations = *iterations;
+      }
+      outcome.solve_seconds = solve.seconds();
+    }
+  });
+
+  std::vector<std::vector<Complex>> results;
+  for (Outcome& outcome : outcomes) {
+    if (outcome.error) return *outcome.error;
+    report_.factorization_seconds += outcome.factorization_seconds;
+    report_.solve_seconds += outcome.solve_seconds;
+    report_.residual = std::max(report_.residual, outcome.residual);
+    report_.inverse_iterations = std::max(report_.inverse_iterations, outcome.iterations);
+    results.push_back(std::move(outcome.z));
+  }
+  return results;
+}
+
+}  // namespace quadrig
