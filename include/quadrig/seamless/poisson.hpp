@@ -1,0 +1,156 @@
+// The seamless Poisson solve, repeated with stiffer faces until no triangle is flipped and every cone is right.
+#pragma once
+
+#include "quadrig/energy.hpp"
+#include "quadrig/seamless/unknowns.hpp"
+#include "quadrig/solver.hpp"
+
+namespace quadrig {
+
+/// The wanted parametrization: per half-edge its vector in the (combed) chart of its face. Sums to zero over a face.
+using TargetEdges = std::vector<Complex>;
+
+/// What is wrong with a map; valid when nothing is.
+struct MapDefects {
+  Index flips = 0;        ///< triangles without positive area
+  Index wrong_cones = 0;  ///< vertices whose cone angle is not 4 − I4 (on the border 2 − I4) quarter turns
+  std::vector<Index> flipped_faces;
+  std::vector<Index> wrong_vertices;
+  [[nodiscard]] bool valid() const { return flips == 0 && wrong_cones == 0; }
+};
+
+/// Both conditions are needed: a map with positive triangles can still wind twice around a vertex.
+[[nodiscard]] inline MapDefects check_map(const TriangleMesh<double>& mesh, const std::vector<Index>& index,
+                                          const std::vector<Complex>& z) {
+  using detail::at;
+  constexpr double half_pi = 1.57079632679489661923;
+  MapDefects defects;
+  std::vector<double> cone(at(mesh.vertex_count()), 0.0);
+  for (Index f = 0; f < mesh.face_count(); ++f) {
+    const Complex a = z[at(3 * f)], b = z[at(3 * f + 1)], c = z[at(3 * f + 2)];
+    const double area = cross(b - a, c - a);
+    const double scale = std::max({std::norm(b - a), std::norm(c - b), std::norm(a - c)});
+    if (!(area > 1e-12 * scale)) defects.flipped_faces.push_back(f);
+    for (int i = 0; i < 3; ++i) {
+      const Complex p = z[at(3 * f + i)], q = z[at(3 * f + (i + 1) % 3)], r = z[at(3 * f + (i + 2) % 3)];
+      cone[at(mesh.faces()(f, i))] += std::arg((r - p) * std::conj(q - p));
+    }
+  }
+  for (Index v = 0; v < mesh.vertex_count(); ++v) {
+    if (mesh.outgoing(v) == no_index) continue;
+    const double wanted = (mesh.on_boundary(v) ? 2 : 4) - index[at(v)];
+    if (!(std::abs(cone[at(v)] / half_pi - wanted) < 0.5)) defects.wrong_vertices.push_back(v);
+  }
+  defects.flips = static_cast<Index>(defects.flipped_faces.size());
+  defects.wrong_cones = static_cast<Index>(defects.wrong_vertices.size());
+  return defects;
+}
+
+struct PoissonOptions {
+  int max_iterations = 40;
+  std::string_view solver = default_solver_name;
+  /// Held unknowns (same order as the unknowns of the map); empty: none.
+  std::span<const char> fixed;
+};
+
+struct PoissonReport {
+  int iterations = 0;  ///< factorizations
+  MapDefects defects;
+  double distortion = 0;  ///< area-weighted mean of |s1 − 1| + |s2 − 1| over the target metric
+};
+
+/// Minimizes Σ_f w_f ∫ |Dz G⁻¹ − I|² over the target triangles, so that the error is relative to the wanted quad;
+/// raises w where triangles flip or distort far more than their neighbours. On return x holds the last solution.
+/// `x` on entry gives the values of the fixed unknowns.
+/// \cost one analysis, one factorization an iteration.
+template <class K>
+[[nodiscard]] Expected<PoissonReport> solve_poisson(const TriangleMesh<double>& mesh, const MapUnknowns<K>& unknowns,
+                                                    const std::vector<Index>& index, const TargetEdges& target,
+                                                    const PoissonOptions& options, std::vector<K>& x,
+                                                    std::vector<Complex>& z, Context& context) {
+  using detail::at;
+  const Index m = mesh.face_count();
+  // Cotangents of the target triangles, bounded so that needles do not drown the rest.
+  std::vector<double> cotangent(at(3 * m));
+  for (Index f = 0; f < m; ++f) {
+    const double area = cross(target[at(3 * f)], target[at(3 * f + 1)]);
+    const double longest =
+        std::max({std::norm(target[at(3 * f)]), std::norm(target[at(3 * f + 1)]), std::norm(target[at(3 * f + 2)])});
+    for (int i = 0; i < 3; ++i) {
+      const Complex p = target[at(3 * f + (i + 1) % 3)], q = target[at(3 * f + (i + 2) % 3)];
+      cotangent[at(3 * f + i)] = -(std::conj(p) * q).real() / std::max(area, 1e-4 * longest);
+    }
+  }
+  QuadraticForm<K> form(unknowns.count());
+  if (!options.fixed.empty())
+    for (Index k = 0; k < unknowns.count(); ++k)
+      if (options.fixed[at(k)]) form.fix(k, x[at(k)]);
+  Expected<AnySolver<K>> solver = make_solver<K>(options.solver);
+  if (!solver) return solver.error();
+
+  std::vector<double> weight(at(m), 1.0), delta(at(m));
+  const RowTerm poisson{"poisson", [&](EmitRow<K> emit) {
+                          for (Index h = 0; h < 3 * m; ++h)
+                            for (int c = 0; c < MapUnknowns<K>::components; ++c) {
+                              const auto row = unknowns.edge(h, c);
+                              K rhs;
+                              if constexpr (MapUnknowns<K>::components == 1)
+                                rhs = target[at(h)];
+                              else
+                                rhs = c == 0 ? target[at(h)].real() : target[at(h)].imag();
+                              emit({row.at, row.coefficient, rhs, 0.5 * weight[at(h / 3)] * cotangent[at(h)]});
+                            }
+                        }};
+  PoissonReport report;
+  for (;;) {
+    if (context.cancelled()) return cancelled_error("seamless map");
+    if (Status status = form.assemble(poisson); !status.ok()) return status.error();
+    std::vector<K> free_values(at(form.free_count()));
+    if (form.free_count() > 0) {
+      if (Status status = solver->prepare(form.matrix(), form.pattern_version(), context); !status.ok())
+        return status.error();
+      if (SolveInfo info = solver->solve(form.rhs(), free_values, context); !info.status.ok())
+        return info.status.error();
+    }
+    x = form.expand(free_values);
+    z = unknowns.corners(x);
+    ++report.iterations;
+    report.defects = check_map(mesh, index, z);
+
+    // Signed singular values of the map relative to its target.
+    double total = 0, distortion = 0;
+    std::vector<char> thin(at(m), 0);
+    for (Index f = 0; f < m; ++f) {
+      const Complex a = target[at(3 * f)], b = target[at(3 * f + 1)];
+      const Complex p = z[at(3 * f + 1)] - z[at(3 * f)], q = z[at(3 * f + 2)] - z[at(3 * f + 1)];
+      const double det = cross(a, b);
+      if (!(det > 0)) {
+        delta[at(f)] = 0;
+        continue;
+      }
+      // J = α id + β conj: singular values |α| ± |β|.
+      const Complex alpha = (p * std::conj(b) - q * std::conj(a)) / (a * std::conj(b) - std::conj(a) * b);
+      const Complex beta = (q * a - p * b) / (a * std::conj(b) - std::conj(a) * b);
+      const double s1 = std::abs(alpha) + std::abs(beta), s2 = std::abs(alpha) - std::abs(beta);
+      delta[at(f)] = std::abs(s1 - 1) + std::abs(s2 - 1);
+      thin[at(f)] = s1 * s2 < 0.1;
+      total += det;
+      distortion += det * delta[at(f)];
+    }
+    report.distortion = total > 0 ? distortion / total : 0;
+    if (report.defects.valid() || report.iterations > options.max_iterations || form.free_count() == 0) return report;
+    for (Index f = 0; f < m; ++f) {
+      double sum = 0;
+      int count = 0;
+      for (Index h = 3 * f; h < 3 * f + 3; ++h)
+        if (mesh.twin(h) != no_index) {
+          sum += delta[at(mesh.twin(h) / 3)];
+          ++count;
+        }
+      if (count > 0)
+        weight[at(f)] += std::min(std::abs(sum / count - delta[at(f)]) + (thin[at(f)] ? 2.0 : 0.0), 5.0);
+    }
+  }
+}
+
+}  // namespace quadrig
