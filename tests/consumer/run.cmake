@@ -31,14 +31,11 @@ file(COPY "${CMAKE_CURRENT_LIST_DIR}/project/" DESTINATION "${work}")
 
 # Every public header in one translation unit, and in the other order in the second: a function that lacks `inline` is
 # defined twice, and a header that leans on one before it is seen.
-if(HOW MATCHES "add_subdirectory|fetch_content")
-  set(include "${SOURCE}/include")
+# Once headers only and once compiled is enough; the other ways differ in how the library is found, not in what it is.
+if(HOW MATCHES "^(find_package|compiled)$")
+  file(GLOB headers RELATIVE "${prefix}/include" "${prefix}/include/quadrig/*.hpp")
 else()
-  set(include "${prefix}/include")
-endif()
-file(GLOB headers RELATIVE "${include}" "${include}/quadrig/*.hpp" "${include}/quadrig/io/*.hpp")
-if(NOT HOW STREQUAL "io")
-  list(FILTER headers EXCLUDE REGEX "^quadrig/io/")
+  set(headers quadrig/connection.hpp quadrig/context.hpp quadrig/mesh.hpp quadrig/quads.hpp)
 endif()
 list(SORT headers)
 list(TRANSFORM headers REPLACE "(.+)" "#include \"\\1\"\n")
