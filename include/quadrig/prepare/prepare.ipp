@@ -176,7 +176,8 @@ QUADRIG_INLINE Expected<Prepared> prepare(const PolygonMesh& input, const Vertex
             if (it.value() != 0) row.emplace_back(static_cast<Index>(it.col()), it.value());
           PrepareReport ignored;
           PrepareReport& counts = std::exchange(told[static_cast<std::size_t>(from)], 1) ? ignored : report;
-          if (Status status = mend_row(row, "vertex " + std::to_string(from), options.weight_tolerance, counts);
+          if (Status status =
+                  mend_row(row, "weights of vertex " + std::to_string(from), options.weight_tolerance, counts);
               !status)
             return status.error();
           if (k == 0) first = row;

@@ -1,0 +1,116 @@
+// Mesh, rig and weight files: the door of the compiled target quadrig::io.
+#pragma once
+
+#include <filesystem>
+#include <string_view>
+
+#include "quadrig/asset.hpp"
+#include "quadrig/prepare.hpp"
+#include "quadrig/quads.hpp"
+
+namespace quadrig {
+
+/// What a file may ask for at most; every count and size is held against these, and against the bytes that the file
+/// really has, before memory is taken.
+struct FileLimits {
+  std::size_t bytes = std::size_t{4} << 30;
+  Index vertices = 200'000'000;
+  Index polygons = 400'000'000;
+  Index bones = 100'000;
+};
+
+// Readers. All fail with bad_file where the file cannot be read, and with bad_input naming the file and its line (or
+// byte, in binary files) where it is not what its format allows: bad numbers, indices out of range, values that are
+// not finite, fewer entries than announced, more than the limits.
+
+/// Wavefront OBJ: v and f in all index forms, relative ones too; what is no surface (texture coordinates, normals,
+/// groups, materials, lines, points) is passed over; curves and free-form surfaces are counted and told as a warning.
+[[nodiscard]] Expected<PolygonMesh> read_obj(const std::filesystem::path& path, const FileLimits& limits,
+                                             Context& context);
+/// Object File Format, ascii: OFF, COFF, NOFF and so on; colours and normals are passed over.
+[[nodiscard]] Expected<PolygonMesh> read_off(const std::filesystem::path& path, const FileLimits& limits,
+                                             Context& context);
+/// Stanford PLY, ascii and binary of both byte orders; any scalar types, elements and properties in any order; uses
+/// vertex x y z and the list vertex_indices or vertex_index of face.
+[[nodiscard]] Expected<PolygonMesh> read_ply(const std::filesystem::path& path, const FileLimits& limits,
+                                             Context& context);
+/// By the file's extension, .obj, .off or .ply, in any case. \fails unsupported on another.
+[[nodiscard]] Expected<PolygonMesh> read_surface(const std::filesystem::path& path, const FileLimits& limits,
+                                                 Context& context);
+
+/// libigl's TGF: one joint a line (number, x, y, z; further columns are ignored), a line `#`, then one bone a line
+/// (numbers of its two joints; further columns are ignored), and whatever follows a second `#` is ignored. A bone's
+/// parent is the first bone that ends at the joint where it starts. Bones of zero length lose their direction and are
+/// told as a warning.
+[[nodiscard]] Expected<Skeleton> read_tgf(const std::filesystem::path& path, const FileLimits& limits,
+                                          Context& context);
+
+/// libigl's DMAT, columns × rows then the values by column; ascii, or binary after a line `0 0` and a second line with
+/// the counts. \return rows × columns, all finite.
+[[nodiscard]] Expected<Eigen::MatrixXd> read_dmat(const std::filesystem::path& path, const FileLimits& limits);
+
+// Writers. The file is written beside its place under a temporary name and renamed, so a failure leaves an older file
+// as it was and nothing half-written. Numbers have 17 significant digits: reading them back gives the same bits.
+// All fail with bad_file.
+
+[[nodiscard]] Status write_obj(const std::filesystem::path& path, const QuadMesh& mesh);
+[[nodiscard]] Status write_obj(const std::filesystem::path& path, const Points<double>& positions,
+                               const Triangles& faces);
+[[nodiscard]] Status write_tgf(const std::filesystem::path& path, const Skeleton& skeleton);
+enum class DmatFormat : std::uint8_t { ascii, binary };
+[[nodiscard]] Status write_dmat(const std::filesystem::path& path, const Eigen::MatrixXd& matrix,
+                                DmatFormat format = DmatFormat::ascii);
+[[nodiscard]] Status write_dmat(const std::filesystem::path& path, const SkinWeights& weights,
+                                DmatFormat format = DmatFormat::ascii);
+/// Any text or bytes, with the same promise.
+[[nodiscard]] Status write_file(const std::filesystem::path& path, std::string_view contents);
+
+/// Several files that appear together: contents go to temporary names beside their places, and are renamed by
+/// `commit`. What is not committed is removed by the destructor.
+class FileSet {
+ public:
+  FileSet() = default;
+  ~FileSet();
+  FileSet(const FileSet&) = delete;
+  FileSet& operator=(const FileSet&) = delete;
+  /// \fails bad_file where the folder is absent or the disk is full.
+  [[nodiscard]] Status add(const std::filesystem::path& path, std::string_view contents);
+  /// \fails bad_file where a rename is refused; the files not yet renamed are removed.
+  [[nodiscard]] Status commit();
+
+ private:
+  struct Entry {
+    std::filesystem::path temporary, place;
+  };
+  std::vector<Entry> entries_;
+};
+
+/// The text of each writer, for a FileSet.
+[[nodiscard]] std::string obj_text(const QuadMesh& mesh);
+[[nodiscard]] std::string obj_text(const Points<double>& positions, const Triangles& faces);
+[[nodiscard]] std::string tgf_text(const Skeleton& skeleton);
+[[nodiscard]] std::string dmat_text(const Eigen::MatrixXd& matrix, DmatFormat format = DmatFormat::ascii);
+[[nodiscard]] std::string dmat_text(const SkinWeights& weights, DmatFormat format = DmatFormat::ascii);
+
+/// The files of one asset. `rig` and `weights` are both empty or both given.
+struct AssetFiles {
+  std::filesystem::path mesh, rig, weights;
+};
+
+struct LoadOptions {
+  PrepareOptions prepare;
+  FileLimits limits;
+};
+
+struct LoadedAsset {
+  Asset asset;
+  std::vector<Index> source_vertex;   ///< vertex of the mesh file, from 0, that each vertex stands for
+  std::vector<Index> source_polygon;  ///< polygon of the mesh file, from 0, that each face is part of
+  PrepareReport report;
+};
+
+/// Reads, checks and mends an asset; what was mended is told to `context` as warnings.
+/// \fails as the readers and `prepare` do; bad_input where the counts of two files differ: names both files.
+[[nodiscard]] Expected<LoadedAsset> load_asset(const AssetFiles& files, const LoadOptions& options, Context& context);
+
+}  // namespace quadrig

@@ -1,0 +1,100 @@
+// Whole files in, and out by rename.
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <random>
+
+#include "scan.hpp"
+
+namespace quadrig {
+namespace {
+
+struct Close {
+  void operator()(std::FILE* file) const { std::fclose(file); }
+};
+using File = std::unique_ptr<std::FILE, Close>;
+
+Error file_error(const std::filesystem::path& path, const std::string& what, std::string remedy) {
+  return {ErrorCode::bad_file, what, path.string(), std::move(remedy)};
+}
+
+std::string reason() { return std::strerror(errno); }
+
+}  // namespace
+
+Expected<std::string> io::read_file(const std::filesystem::path& path, const FileLimits& limits) {
+  std::error_code ignored;
+  if (std::filesystem::is_directory(path, ignored)) return file_error(path, "is a folder", "name a file");
+  errno = 0;
+  const File file(std::fopen(path.c_str(), "rb"));
+  if (!file) return file_error(path, "cannot be opened: " + reason(), "check the name and the rights");
+  const auto size = std::filesystem::file_size(path, ignored);
+  const auto too_large = [&] {
+    return file_error(path, "is larger than the limit of " + std::to_string(limits.bytes) + " bytes",
+                      "use a smaller file or raise the limit");
+  };
+  std::string bytes;
+  if (!ignored) {
+    if (size > limits.bytes) return too_large();
+    bytes.reserve(static_cast<std::size_t>(size) + 1);
+  }
+  // The announced size is a hint only: pipes and growing files are read to their end, within the limit.
+  for (std::size_t step = std::size_t{1} << 20;;) {
+    const std::size_t had = bytes.size();
+    const std::size_t want = std::max(step, bytes.capacity() - had);
+    bytes.resize(had + want);
+    const std::size_t got = std::fread(bytes.data() + had, 1, want, file.get());
+    bytes.resize(had + got);
+    if (bytes.size() > limits.bytes) return too_large();
+    if (got < want) break;
+  }
+  if (std::ferror(file.get())) return file_error(path, "cannot be read: " + reason(), "check the disk");
+  return bytes;
+}
+
+FileSet::~FileSet() {
+  std::error_code ignored;
+  for (const Entry& entry : entries_) std::filesystem::remove(entry.temporary, ignored);
+}
+
+Status FileSet::add(const std::filesystem::path& path, std::string_view contents) {
+  std::error_code ignored;
+  if (path.empty() || path.filename().empty() || std::filesystem::is_directory(path, ignored))
+    return file_error(path, "is not the name of a file", "name a file to write");
+  std::random_device entropy;
+  for (int attempt = 0; attempt < 16; ++attempt) {
+    std::filesystem::path temporary = path;
+    temporary += ".tmp" + std::to_string(entropy() % 1'000'000'000U);
+    errno = 0;
+    File file(std::fopen(temporary.c_str(), "wbx"));  // x: never another's file
+    if (!file) {
+      if (errno == EEXIST) continue;
+      return file_error(path, "cannot be written: " + reason(), "check that its folder is there and may be written");
+    }
+    entries_.push_back({temporary, path});
+    const bool written = std::fwrite(contents.data(), 1, contents.size(), file.get()) == contents.size();
+    if (std::fclose(file.release()) != 0 || !written)
+      return file_error(path, "cannot be written: " + reason(), "check the space on the disk");
+    return {};
+  }
+  return file_error(path, "no temporary name is free beside it", "clean its folder");
+}
+
+Status FileSet::commit() {
+  while (!entries_.empty()) {
+    const Entry entry = entries_.front();
+    std::error_code error;
+    std::filesystem::rename(entry.temporary, entry.place, error);
+    if (error) return file_error(entry.place, "cannot be written: " + error.message(), "check the rights");
+    entries_.erase(entries_.begin());
+  }
+  return {};
+}
+
+Status write_file(const std::filesystem::path& path, std::string_view contents) {
+  FileSet files;
+  if (Status status = files.add(path, contents); !status) return status;
+  return files.commit();
+}
+
+}  // namespace quadrig

@@ -1,0 +1,66 @@
+// An asset from its files.
+#include "scan.hpp"
+
+namespace quadrig {
+
+Expected<PolygonMesh> read_surface(const std::filesystem::path& path, const FileLimits& limits, Context& context) {
+  std::string extension = path.extension().string();
+  for (char& c : extension) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  if (extension == ".obj") return read_obj(path, limits, context);
+  if (extension == ".off") return read_off(path, limits, context);
+  if (extension == ".ply") return read_ply(path, limits, context);
+  return Error{ErrorCode::unsupported, io::shown(extension) + " is not a surface format that is read", path.string(),
+               "give an .obj, .off or .ply file"};
+}
+
+Expected<LoadedAsset> load_asset(const AssetFiles& files, const LoadOptions& options, Context& context) {
+  if (files.rig.empty() != files.weights.empty())
+    return Error{ErrorCode::bad_option, files.rig.empty() ? "weights without a rig" : "a rig without weights",
+                 (files.rig.empty() ? files.weights : files.rig).string(), "give both files or neither"};
+  const auto in_file = [](Error error, const std::filesystem::path& path) {
+    error.where = path.string() + (error.where.empty() ? "" : ", " + error.where);
+    return error;
+  };
+  Expected<PolygonMesh> polygons = read_surface(files.mesh, options.limits, context);
+  if (!polygons) return polygons.error();
+
+  std::optional<Skeleton> skeleton;
+  std::optional<VertexWeights> weights;
+  if (!files.rig.empty()) {
+    Expected<Skeleton> read = read_tgf(files.rig, options.limits, context);
+    if (!read) return read.error();
+    skeleton = std::move(*read);
+    if (options.prepare.strict)
+      for (const Bone& bone : skeleton->bones)
+        if (!bone.has_direction)
+          return Error{ErrorCode::bad_input, bone.name + " has zero length", files.rig.string(),
+                       "mend the file, or leave out the strict option"};
+    Expected<Eigen::MatrixXd> dense = read_dmat(files.weights, options.limits);
+    if (!dense) return dense.error();
+    if (dense->cols() != skeleton->bone_count())
+      return Error{ErrorCode::bad_input,
+                   std::to_string(dense->cols()) + " columns of weights for the " +
+                       std::to_string(skeleton->bone_count()) + " bones of " + files.rig.string(),
+                   files.weights.string(), "give one column for each bone"};
+    if (dense->rows() != polygons->vertex_count())
+      return Error{ErrorCode::bad_input,
+                   std::to_string(dense->rows()) + " rows of weights for the " +
+                       std::to_string(polygons->vertex_count()) + " vertices of " + files.mesh.string(),
+                   files.weights.string(), "give one row for each vertex"};
+    weights = dense->sparseView();
+  }
+  Expected<Prepared> prepared = prepare(*polygons, weights ? &*weights : nullptr, options.prepare, context);
+  if (!prepared) {
+    const bool of_weights = prepared.error().where.starts_with("weights");
+    return in_file(prepared.error(), of_weights ? files.weights : files.mesh);
+  }
+  LoadedAsset loaded;
+  loaded.asset.mesh = std::move(prepared->mesh);
+  if (skeleton) loaded.asset.rig = Rig{std::move(*skeleton), std::move(*prepared->weights), {}};
+  loaded.source_vertex = std::move(prepared->source_vertex);
+  loaded.source_polygon = std::move(prepared->source_polygon);
+  loaded.report = prepared->report;
+  return loaded;
+}
+
+}  // namespace quadrig

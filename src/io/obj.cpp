@@ -1,0 +1,121 @@
+// Wavefront OBJ. A parser of our own: it is smaller than a wrapper that would give another's errors a line, and the
+// readers in packages pass over broken numbers without a word.
+#include "scan.hpp"
+
+namespace quadrig {
+namespace {
+
+using io::at_line;
+using io::shown;
+
+constexpr std::string_view surface_free[] = {
+    "vt",     "vn",     "vp",     "l",     "p",        "g",        "o",   "s",          "mg",       "usemtl",
+    "mtllib", "usemap", "maplib", "bevel", "c_interp", "d_interp", "lod", "shadow_obj", "trace_obj"};
+
+/// A line with its continuations by a backslash joined.
+class Lines {
+ public:
+  explicit Lines(std::string_view text) : cursor_(text) {}
+  [[nodiscard]] std::size_t line() const { return cursor_.line(); }
+  std::string_view word() {
+    while (true) {
+      const std::string_view found = cursor_.word('#');
+      if (found != "\\") return found;
+      cursor_.next_line();
+    }
+  }
+  bool next() { return cursor_.next_line(); }
+  [[nodiscard]] bool at_end() const { return cursor_.at_end(); }
+
+ private:
+  io::Cursor cursor_;
+};
+
+}  // namespace
+
+Expected<PolygonMesh> read_obj(const std::filesystem::path& path, const FileLimits& limits, Context& context) {
+  Expected<std::string> text = io::read_file(path, limits);
+  if (!text) return text.error();
+
+  PolygonMesh mesh;
+  std::vector<double> coordinates;
+  std::vector<std::size_t> face_line;
+  std::vector<Index> polygon;
+  mesh.first_corner.push_back(0);
+  Index unknown = 0, free_form = 0;
+  std::size_t unknown_line = 0;
+  std::string unknown_word;
+  Lines lines(*text);
+  do {
+    const std::string_view keyword = lines.word();
+    if (keyword.empty()) continue;
+    const std::size_t line = lines.line();
+    if (keyword == "v") {
+      for (int i = 0; i < 3; ++i) {
+        double value = 0;
+        const std::string_view word = lines.word();
+        if (word.empty())
+          return at_line(path, line, "a vertex of " + std::to_string(i) + " coordinates", "give it three");
+        if (!io::to_number(word, value) || !std::isfinite(value))
+          return at_line(path, line, shown(word) + " is not a finite number", "give x, y and z as numbers");
+        coordinates.push_back(value);
+      }
+      if (coordinates.size() / 3 > static_cast<std::size_t>(limits.vertices))
+        return at_line(path, line, "more than " + std::to_string(limits.vertices) + " vertices", "raise the limit");
+    } else if (keyword == "f" || keyword == "fo") {
+      const auto so_far = static_cast<std::int64_t>(coordinates.size() / 3);
+      polygon.clear();
+      for (std::string_view word = lines.word(); !word.empty(); word = lines.word()) {
+        std::int64_t number = 0;
+        if (!io::to_integer(word.substr(0, word.find('/')), number))
+          return at_line(path, line, shown(word) + " is not a vertex number", "write v, v/vt, v//vn or v/vt/vn");
+        const std::int64_t vertex = number > 0 ? number - 1 : so_far + number;
+        if (number == 0 || vertex < 0 || vertex >= std::numeric_limits<Index>::max())
+          return at_line(path, line, "vertex number " + std::to_string(number) + " does not exist",
+                         "count vertices from 1, or back from -1");
+        polygon.push_back(static_cast<Index>(vertex));
+      }
+      if (polygon.size() < 3)
+        return at_line(path, line, "a face of " + std::to_string(polygon.size()) + " corners", "give it three or more");
+      if (mesh.corners.size() + polygon.size() >= (std::size_t{1} << 31) || mesh.polygon_count() >= limits.polygons)
+        return at_line(path, line, "too many faces", "use a smaller mesh");
+      mesh.add_polygon(polygon);
+      face_line.push_back(line);
+    } else if (std::find(std::begin(surface_free), std::end(surface_free), keyword) == std::end(surface_free)) {
+      const bool plain =
+          keyword.size() <= 16 &&
+          std::all_of(keyword.begin(), keyword.end(),
+                      [](char c) {
+                        return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
+                      }) &&
+          !(keyword[0] >= '0' && keyword[0] <= '9');
+      if (!plain)
+        return at_line(path, line, shown(keyword) + " begins no OBJ statement", "check that the file is OBJ text");
+      if (keyword == "surf" || keyword == "curv" || keyword == "curv2") {
+        ++free_form;
+      } else if (unknown++ == 0) {
+        unknown_line = line;
+        unknown_word = keyword;
+      }
+    }
+  } while (lines.next());
+
+  mesh.positions =
+      Eigen::Map<const Points<double>>(coordinates.data(), static_cast<Eigen::Index>(coordinates.size() / 3), 3);
+  for (Index i = 0; i < mesh.polygon_count(); ++i)
+    for (const Index v : mesh.polygon(i))
+      if (v >= mesh.vertex_count())
+        return at_line(path, face_line[static_cast<std::size_t>(i)],
+                       "vertex number " + std::to_string(v + 1) + " does not exist: the file has " +
+                           std::to_string(mesh.vertex_count()),
+                       "check that the file is complete");
+  if (mesh.polygon_count() == 0) return io::in_file(path, "has no faces", "give a surface");
+  if (free_form > 0)
+    context.warn("read", path.string() + ": " + std::to_string(free_form) + " free-form curves or surfaces left out");
+  if (unknown > 0)
+    context.warn("read", path.string() + ":" + std::to_string(unknown_line) + ": " + std::to_string(unknown) +
+                             " unknown statements left out, the first " + shown(unknown_word));
+  return mesh;
+}
+
+}  // namespace quadrig

@@ -1,0 +1,93 @@
+// What the text readers share: a whole file in memory, and a cursor that knows its line.
+#pragma once
+
+#include <charconv>
+#include <cstdlib>
+#include <string>
+#include <string_view>
+
+#include "quadrig/io.hpp"
+
+namespace quadrig::io {
+
+/// A file's bytes. \fails bad_file: not there, a folder, not readable, larger than the limit.
+[[nodiscard]] Expected<std::string> read_file(const std::filesystem::path& path, const FileLimits& limits);
+
+[[nodiscard]] inline Error at_line(const std::filesystem::path& path, std::size_t line, std::string what,
+                                   std::string remedy) {
+  return {ErrorCode::bad_input, std::move(what), path.string() + ":" + std::to_string(line), std::move(remedy)};
+}
+[[nodiscard]] inline Error in_file(const std::filesystem::path& path, std::string what, std::string remedy) {
+  return {ErrorCode::bad_input, std::move(what), path.string(), std::move(remedy)};
+}
+
+/// A word as an error message may show it: printable, and not long.
+[[nodiscard]] inline std::string shown(std::string_view word) {
+  std::string text = "'";
+  for (const char c : word.substr(0, 24)) text += c >= 0x20 && c < 0x7f ? c : '?';
+  return text + (word.size() > 24 ? "...'" : "'");
+}
+
+[[nodiscard]] inline bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f'; }
+
+/// Reads words line by line.
+class Cursor {
+ public:
+  explicit Cursor(std::string_view text) : at_(text.data()), end_(text.data() + text.size()) {
+    if (text.substr(0, 3) == "\xEF\xBB\xBF") at_ += 3;
+  }
+  [[nodiscard]] std::size_t line() const { return line_; }
+  [[nodiscard]] bool at_end() const { return at_ == end_; }
+  [[nodiscard]] std::size_t bytes_left() const { return static_cast<std::size_t>(end_ - at_); }
+  [[nodiscard]] const char* position() const { return at_; }
+
+  /// The next word of this line; empty at its end. A comment, begun by `comment`, ends the line.
+  std::string_view word(char comment = '\0') {
+    while (at_ != end_ && is_blank(*at_)) ++at_;
+    const char* first = at_;
+    if (at_ != end_ && comment && *at_ == comment) {
+      while (at_ != end_ && *at_ != '\n') ++at_;
+      return {};
+    }
+    while (at_ != end_ && !is_blank(*at_) && *at_ != '\n' && !(comment && *at_ == comment)) ++at_;
+    return {first, static_cast<std::size_t>(at_ - first)};
+  }
+  /// To the first character of the next line. False at the end of the text.
+  bool next_line() {
+    while (at_ != end_ && *at_ != '\n') ++at_;
+    if (at_ == end_) return false;
+    ++at_;
+    ++line_;
+    return true;
+  }
+  /// The next word on this line or a later one; empty at the end of the text.
+  std::string_view word_across(char comment = '\0') {
+    while (true) {
+      const std::string_view found = word(comment);
+      if (!found.empty() || at_ == end_) return found;
+      next_line();
+    }
+  }
+
+ private:
+  const char *at_, *end_;
+  std::size_t line_ = 1;
+};
+
+/// The whole word as a number. Values too small for a double are 0; too large ones are infinite.
+[[nodiscard]] inline bool to_number(std::string_view word, double& value) {
+  if (!word.empty() && word.front() == '+') word.remove_prefix(1);
+  if (word.empty() || word.front() == '+') return false;
+  const auto [stop, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+  if (error == std::errc::result_out_of_range) value = std::strtod(std::string(word).c_str(), nullptr);
+  return error != std::errc::invalid_argument && stop == word.data() + word.size();
+}
+template <class Integer>
+[[nodiscard]] bool to_integer(std::string_view word, Integer& value) {
+  if (!word.empty() && word.front() == '+') word.remove_prefix(1);
+  if (word.empty() || word.front() == '+') return false;
+  const auto [stop, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+  return error == std::errc() && stop == word.data() + word.size();
+}
+
+}  // namespace quadrig::io
