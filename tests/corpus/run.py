@@ -1,0 +1,87 @@
+#!/usr/bin/env python3
+"""Remeshes every surface of a folder at several densities and prints one table.
+
+A surface is an .obj, .off or .ply file; the .tgf and .dmat files beside it are its rig where there is one of each.
+Ends with an error where the command crashed, hung, or gave a result that its own report calls invalid: a refusal is an
+answer, a bad mesh is not.
+"""
+
+import argparse
+import json
+import pathlib
+import resource
+import subprocess
+import sys
+import tempfile
+
+
+def cpu_seconds():
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
+
+
+def surfaces(folder):
+    for path in sorted(folder.rglob("*")):
+        if path.suffix.lower() not in (".obj", ".off", ".ply"):
+            continue
+        rigs = sorted(path.parent.glob("*.tgf"))
+        weights = sorted(path.parent.glob("*weights*.dmat"))
+        rig = (rigs[0], weights[0]) if len(rigs) == 1 and len(weights) == 1 else None
+        yield path, rig
+
+
+def remesh(command, path, rig, quads, timeout):
+    with tempfile.TemporaryDirectory() as scratch:
+        out, report = pathlib.Path(scratch) / "out.obj", pathlib.Path(scratch) / "report.json"
+        call = [command, "remesh", path, "--quads", quads, "-o", out, "--report", report, "--quiet"]
+        if rig:
+            call += ["--rig", rig[0], "--weights", rig[1]]
+        before = cpu_seconds()
+        try:
+            done = subprocess.run([str(word) for word in call], capture_output=True, text=True, timeout=timeout)
+        except subprocess.TimeoutExpired:
+            return "hung", f"no answer within {timeout} s", None, cpu_seconds() - before
+        seconds = cpu_seconds() - before
+        if done.returncode < 0:
+            return "crashed", f"signal {-done.returncode}", None, seconds
+        if done.returncode != 0:
+            if out.exists():
+                return "invalid", "left a mesh behind an error", None, seconds
+            reason = done.stderr.strip().splitlines()
+            return "refused", reason[-1] if reason else f"exit code {done.returncode}", None, seconds
+        figures = json.loads(report.read_text())
+        return ("valid" if figures["valid"] else "invalid"), "", figures, seconds
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("command", help="the quadrig executable")
+    parser.add_argument("folder", type=pathlib.Path)
+    parser.add_argument("--quads", default="300,1000,2000,5000,20000", help="densities (default %(default)s)")
+    parser.add_argument("--timeout", type=float, default=600, help="seconds for one remesh (default %(default)s)")
+    arguments = parser.parse_args()
+    if not arguments.folder.is_dir():
+        sys.exit(f"{arguments.folder} is no folder")
+
+    tally = {}
+    print("| surface | rig | asked | result | quads | irregular | SJ avg | SJ min | CPU s |")
+    print("|---|---|---|---|---|---|---|---|---|")
+    for path, rig in surfaces(arguments.folder):
+        for quads in (int(word) for word in arguments.quads.split(",")):
+            result, reason, figures, seconds = remesh(arguments.command, path, rig, quads, arguments.timeout)
+            tally[result] = tally.get(result, 0) + 1
+            cells = [path.relative_to(arguments.folder), "yes" if rig else "", quads]
+            if figures:
+                jacobian = figures["scaled_jacobian"]
+                cells += [result, figures["quads"], figures["irregular"]]
+                cells += [f"{jacobian['average']:.3f}", f"{jacobian['minimum']:.3f}"]
+            else:
+                cells += [f"{result}: {reason}", "", "", "", ""]
+            cells.append(f"{seconds:.2f}")
+            print("| " + " | ".join(str(cell) for cell in cells) + " |", flush=True)
+    print(", ".join(f"{count} {result}" for result, count in sorted(tally.items())))
+    sys.exit(1 if {"crashed", "hung", "invalid"} & tally.keys() or not tally else 0)
+
+
+if __name__ == "__main__":
+    main()
