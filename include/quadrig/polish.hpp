@@ -1,0 +1,32 @@
+// Smoothing along the surface that inverts nothing: quads become rectangles of their own size, the worst ones first.
+#pragma once
+
+#include "quadrig/closest.hpp"
+#include "quadrig/quads.hpp"
+
+namespace quadrig {
+
+struct PolishOptions {
+  int rounds = 20;
+  double accepted = 0.6;  ///< a move may not push a scaled Jacobian below this, or below what it was
+  double wanted = 0.5;    ///< vertices of quads below this are also searched for a better place
+};
+
+struct PolishReport {
+  double least_before = 0, least_after = 0;      ///< scaled Jacobian
+  double average_before = 0, average_after = 0;
+  int rounds = 0;
+};
+
+/// Moves vertices along the source surface; border vertices along the border, its corners not at all. Every vertex
+/// stays on the surface and `source` follows.
+/// \pre quads.source has one point a vertex; border vertices lie on the border of the mesh
+/// \cost O(rounds · quads) closest-point walks. Source: shape projection (Bouaziz et al. 2012) onto rectangles.
+[[nodiscard]] QUADRIG_INLINE PolishReport polish(const TriangleMesh<double>& mesh, const PolishOptions& options,
+                                                 QuadMesh& quads, Context& context);
+
+}  // namespace quadrig
+
+#if !defined(QUADRIG_COMPILED)
+#include "quadrig/polish/polish.ipp"
+#endif

@@ -1,0 +1,226 @@
+// One vertex at a time, in order: propose the mean of the corners of the rectangles that fit its quads best, project,
+// and keep the move only where no quad around becomes worse than allowed.
+#pragma once
+
+#include "quadrig/polish.hpp"
+
+namespace quadrig {
+namespace detail {
+
+class Polisher {
+ public:
+  Polisher(const TriangleMesh<double>& mesh, const PolishOptions& options, QuadMesh& quads)
+      : mesh_(mesh), options_(options), quads_(quads) {
+    const auto n = static_cast<std::size_t>(quads.vertex_count());
+    starts_.assign(n + 1, 0);
+    for (Index q = 0; q < quads.quad_count(); ++q)
+      for (int i = 0; i < 4; ++i) ++starts_[at(quads.quads(q, i)) + 1];
+    for (std::size_t v = 0; v < n; ++v) starts_[v + 1] += starts_[v];
+    incident_.resize(starts_[n]);
+    std::vector<std::size_t> next(starts_.begin(), starts_.end() - 1);
+    for (Index q = 0; q < quads.quad_count(); ++q)
+      for (int i = 0; i < 4; ++i) incident_[next[at(quads.quads(q, i))]++] = 4 * q + i;
+    find_border();
+  }
+
+  PolishReport run(Context& context) {
+    PolishReport report;
+    std::tie(report.least_before, report.average_before) = statistics();
+    for (; report.rounds < options_.rounds && !context.cancelled(); ++report.rounds) {
+      double moved = 0;
+      for (Index v = 0; v < quads_.vertex_count(); ++v) moved = std::max(moved, move(v));
+      if (moved < 1e-3) break;
+    }
+    std::tie(report.least_after, report.average_after) = statistics();
+    return report;
+  }
+
+ private:
+  static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+
+  struct Place {
+    Vector3 position;
+    SurfacePoint source;
+    Index border = no_index;  // half-edge of the mesh's border that it lies on
+  };
+
+  [[nodiscard]] Vector3 point(Index v) const { return quads_.positions.row(v).transpose(); }
+
+  /// Border vertices of the quads slide along border half-edges of the mesh; corners of the border stay.
+  void find_border() {
+    const Index n = quads_.vertex_count();
+    border_.assign(at(n), no_index);
+    fixed_.assign(at(n), 0);
+    if (mesh_.closed()) return;
+    before_.assign(at(mesh_.vertex_count()), no_index);
+    for (Index h = 0; h < mesh_.halfedge_count(); ++h)
+      if (mesh_.twin(h) == no_index) before_[at(mesh_.target(h))] = h;
+    std::vector<std::array<Index, 2>> sides;
+    for (Index q = 0; q < quads_.quad_count(); ++q)
+      for (int i = 0; i < 4; ++i) sides.push_back({quads_.quads(q, i), quads_.quads(q, (i + 1) % 4)});
+    const auto key = [](const std::array<Index, 2>& s) { return std::minmax(s[0], s[1]); };
+    std::sort(sides.begin(), sides.end(), [&](const auto& a, const auto& b) { return key(a) < key(b); });
+    for (std::size_t k = 0, last = 0; k < sides.size(); k = last) {
+      while (last < sides.size() && key(sides[last]) == key(sides[k])) ++last;
+      if (last - k != 1) continue;
+      for (const Index v : sides[k]) {
+        if (border_[at(v)] != no_index || fixed_[at(v)]) continue;
+        const SurfacePoint& s = quads_.source[at(v)];
+        for (int e = 0; e < 3; ++e)
+          if (mesh_.twin(3 * s.face + e) == no_index && s.barycentric[(e + 2) % 3] <= 1e-9)
+            border_[at(v)] = 3 * s.face + e;
+        if (border_[at(v)] == no_index) {  // at a vertex of the mesh, seen from a face inside
+          int corner = 0;
+          s.barycentric.maxCoeff(&corner);
+          const Index w = mesh_.faces()(s.face, corner);
+          if (mesh_.on_boundary(w) && s.barycentric[corner] > 1 - 1e-9) border_[at(v)] = mesh_.outgoing(w);
+        }
+        if (border_[at(v)] == no_index || starts_[at(v) + 1] - starts_[at(v)] != 2) fixed_[at(v)] = 1;
+      }
+    }
+  }
+
+  [[nodiscard]] Place project(Index v, const Vector3& p) const {
+    if (border_[at(v)] == no_index) {
+      const SurfaceHit hit = walk_closest(mesh_, p, quads_.source[at(v)]);
+      return {hit.position, SurfacePoint{hit.face, hit.barycentric}, no_index};
+    }
+    // Along the border: from edge to edge as long as it comes closer.
+    const auto on_edge = [&](Index h) {
+      const Vector3 a = mesh_.position(mesh_.origin(h)), d = mesh_.edge_vector(h);
+      const double length = d.squaredNorm();
+      const double t = length > 0 ? std::clamp((p - a).dot(d) / length, 0.0, 1.0) : 0.0;
+      Place place{a + t * d, {h / 3, Vector3::Zero()}, h};
+      place.source.barycentric[h % 3] = 1 - t;
+      place.source.barycentric[(h % 3 + 1) % 3] = t;
+      return place;
+    };
+    Place best = on_edge(border_[at(v)]);
+    for (const bool forward : {true, false}) {
+      Index h = border_[at(v)];
+      for (int step = 0; step < 64; ++step) {
+        h = forward ? mesh_.outgoing(mesh_.target(h)) : before_[at(mesh_.origin(h))];
+        const Place next = on_edge(h);
+        if ((next.position - p).squaredNorm() > (best.position - p).squaredNorm() && step > 0) break;
+        if ((next.position - p).squaredNorm() < (best.position - p).squaredNorm()) best = next;
+      }
+    }
+    return best;
+  }
+
+  /// Corner i of the rectangle that fits quad q: its middle lines turned apart until they are orthogonal.
+  [[nodiscard]] Vector3 rectangle_corner(Index q, int i) const {
+    Vector3 p[4];
+    for (int k = 0; k < 4; ++k) p[k] = point(quads_.quads(q, k));
+    const Vector3 center = (p[0] + p[1] + p[2] + p[3]) / 4;
+    const Vector3 e = (p[1] + p[2] - p[0] - p[3]) / 2, g = (p[2] + p[3] - p[0] - p[1]) / 2;
+    const double length_e = e.norm(), length_g = g.norm();
+    if (!(length_e > 0) || !(length_g > 0)) return p[i];
+    const Vector3 a = e / length_e, b = g / length_g;
+    const Vector3 sum = a + b, difference = a - b;
+    if (!(sum.norm() > 1e-6) || !(difference.norm() > 1e-6)) return p[i];
+    const Vector3 s = sum.normalized(), d = difference.normalized();
+    const Vector3 x = (s + d) * (length_e / 2 / std::sqrt(2.0)), y = (s - d) * (length_g / 2 / std::sqrt(2.0));
+    const double sign_x = i == 1 || i == 2 ? 1 : -1, sign_y = i >= 2 ? 1 : -1;
+    return center + sign_x * x + sign_y * y;
+  }
+
+  /// Least scaled Jacobian of the quads at v; −1 where one has turned against the surface.
+  [[nodiscard]] double least(Index v) const {
+    double worst = 1;
+    const Vector3 normal = mesh_.normal(quads_.source[at(v)].face);
+    for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k) {
+      const Index q = incident_[k] / 4;
+      const Eigen::Matrix<Index, 1, 4> quad = quads_.quads.row(q);
+      double j = scaled_jacobian(quads_.positions, quad);
+      const Vector3 n = (point(quad[2]) - point(quad[0])).cross(point(quad[3]) - point(quad[1]));
+      if (n.dot(normal) < -0.5 * n.norm()) j = std::min(j, 0.0) - 1;
+      worst = std::min(worst, j);
+    }
+    return worst;
+  }
+
+  void put(Index v, const Place& place) {
+    quads_.positions.row(v) = place.position.transpose();
+    quads_.source[at(v)] = place.source;
+    if (place.border != no_index) border_[at(v)] = place.border;
+  }
+
+  /// Returns how far the vertex went, relative to its edges.
+  double move(Index v) {
+    if (fixed_[at(v)] || starts_[at(v)] == starts_[at(v) + 1]) return 0;
+    const Place here{point(v), quads_.source[at(v)], border_[at(v)]};
+    Vector3 mean = Vector3::Zero();
+    double edge = 0;
+    const auto count = static_cast<double>(starts_[at(v) + 1] - starts_[at(v)]);
+    for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k) {
+      const Index q = incident_[k] / 4;
+      const int i = incident_[k] % 4;
+      mean += rectangle_corner(q, i) / count;
+      edge += (point(quads_.quads(q, (i + 1) % 4)) - here.position).norm() / count;
+    }
+    if (!(edge > 0)) edge = 1e-300;
+    const double before = least(v);
+    double now = before;
+    Place kept = here;
+    const Place proposed = project(v, mean);
+    put(v, proposed);
+    const double after = least(v);
+    if (after >= std::min(before, options_.accepted) && after > 0) {
+      kept = proposed;
+      now = after;
+    } else if (after > before) {
+      kept = proposed;
+      now = after;
+    }
+    put(v, kept);
+    if (now < options_.wanted) {
+      // Look around in the tangent plane, coarse then fine.
+      const Vector3 normal = mesh_.normal(kept.source.face);
+      const Vector3 x = normal.unitOrthogonal(), y = normal.cross(x);
+      for (const double radius : {0.4, 0.2, 0.1, 0.05}) {
+        const Vector3 center = kept.position;
+        Place best = kept;
+        for (int k = 0; k < 8; ++k) {
+          const double angle = k * 0.78539816339744831;
+          const Place trial = project(v, center + radius * edge * (std::cos(angle) * x + std::sin(angle) * y));
+          put(v, trial);
+          if (const double j = least(v); j > now + 1e-6) {
+            now = j;
+            best = trial;
+          }
+          put(v, kept);
+        }
+        kept = best;
+        put(v, kept);
+      }
+    }
+    return (kept.position - here.position).norm() / edge;
+  }
+
+  [[nodiscard]] std::pair<double, double> statistics() const {
+    double worst = 1, sum = 0;
+    for (Index q = 0; q < quads_.quad_count(); ++q) {
+      const double j = scaled_jacobian(quads_.positions, quads_.quads.row(q));
+      worst = std::min(worst, j);
+      sum += j;
+    }
+    return {worst, quads_.quad_count() > 0 ? sum / quads_.quad_count() : 0};
+  }
+
+  const TriangleMesh<double>& mesh_;
+  const PolishOptions& options_;
+  QuadMesh& quads_;
+  std::vector<std::size_t> starts_;
+  std::vector<Index> incident_, border_, before_;
+  std::vector<char> fixed_;
+};
+
+}  // namespace detail
+
+QUADRIG_INLINE PolishReport polish(const TriangleMesh<double>& mesh, const PolishOptions& options, QuadMesh& quads,
+                                   Context& context) {
+  return detail::Polisher(mesh, options, quads).run(context);
+}
+
+}  // namespace quadrig
