@@ -1,10 +1,12 @@
 // The one definition of every large function and of every costly template's double instantiation.
 #include "quadrig/asset.hpp"
 #include "quadrig/connection.hpp"
+#include "quadrig/constraints/posed_metric.hpp"
 #include "quadrig/field.hpp"
 #include "quadrig/prepare.hpp"
 #include "quadrig/quads.hpp"
 
+#include "quadrig/constraints/posed_metric.ipp"
 #include "quadrig/field/design.ipp"
 #include "quadrig/field/lengths.ipp"
 #include "quadrig/field/power.ipp"

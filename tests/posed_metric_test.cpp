@@ -1,0 +1,286 @@
+#include "quadrig/constraints/posed_metric.hpp"
+
+#include "surfaces.hpp"
+#include "test.hpp"
+
+using namespace quadrig;
+
+namespace {
+
+constexpr double radius = 0.5, length = 6;
+const test::Grid tube_grid{32, 72, true, false};
+
+TriangleMesh<double> tube() {
+  return test::build(test::tube_positions(tube_grid, length, radius), tube_grid.triangles());
+}
+
+// two bones that share the tube's middle third; each end third is held by one of them
+Rig hinge(const TriangleMesh<double>& mesh) {
+  Rig rig;
+  rig.skeleton.bones = {{.head = {0, 0, 0}, .tail = {length / 2, 0, 0}},
+                        {.head = {length / 2, 0, 0}, .tail = {length, 0, 0}, .parent = 0}};
+  rig.weights.resize(mesh.vertex_count(), 2);
+  for (Index v = 0; v < mesh.vertex_count(); ++v) {
+    const double t = std::clamp((mesh.positions()(v, 0) - length / 3) / (length / 3), 0.0, 1.0),
+                 s = t * t * (3 - 2 * t);
+    if (s < 1) rig.weights.insert(v, 0) = 1 - s;
+    if (s > 0) rig.weights.insert(v, 1) = s;
+  }
+  rig.weights.makeCompressed();
+  return rig;
+}
+
+double x_of(const TriangleMesh<double>& mesh, Index f) {
+  return (mesh.positions()(mesh.faces()(f, 0), 0) + mesh.positions()(mesh.faces()(f, 1), 0) +
+          mesh.positions()(mesh.faces()(f, 2), 0)) /
+         3;
+}
+
+double angle_to_axis(const Connection<double>& connection, Index f, Complex direction) {
+  return std::acos(std::min(1.0, std::abs(connection.to_vector(f, direction).x())));
+}
+
+}  // namespace
+
+TEST_CASE("posed metric: a tube at rest is curved round its axis and its quads run along it", "[posed_metric][fast]") {
+  const auto mesh = tube();
+  const Connection<double> connection(mesh);
+  Context context;
+  const PosedForms forms = PosedForms::at_rest(mesh, connection);
+  const PosedMetric metric = posed_metric(mesh, forms, {}, {}, context).value();
+  for (Index f = 0; f < mesh.face_count(); ++f) {
+    if (x_of(mesh, f) < 0.5 || x_of(mesh, f) > length - 0.5) continue;
+    const auto i = static_cast<std::size_t>(f);
+    const Complex along = connection.to_complex(f, Vector3::UnitX()), around = along * Complex(0, 1);
+    REQUIRE(forms.of_face(f).size() == 1);
+    CHECK(forms.of_face(f)[0].at(along) == Approx(0).margin(1e-9));
+    CHECK(std::abs(forms.of_face(f)[0].at(around)) == Approx(1 / radius).epsilon(0.01));
+    CHECK(angle_to_axis(connection, f, metric.direction[i]) < 1e-3);
+    CHECK(metric.aspect[i] == Approx(4));
+    CHECK(metric.alignment[i] > 0.8);
+    // at aspect 4 the sagitta of A = 1 is (1/4) / (8 r)
+    CHECK(std::sqrt(metric.error[i]) == Approx(1 / (32 * radius)).epsilon(0.01));
+    CHECK(forms.mean_square_sagitta(f, 0.3 * along, 0.2 * around) ==
+          Approx(std::pow(0.04 / (8 * radius), 2)).epsilon(0.02));
+  }
+}
+
+TEST_CASE("posed metric: forms scale with the surface and do not turn with it", "[posed_metric][fast]") {
+  const test::Grid grid{24, 48, true, true};
+  const Points<double> points = test::torus_positions(grid, 1, 0.4);
+  const Eigen::Matrix3d turn = Eigen::AngleAxisd(1.1, Vector3(1, 2, -1).normalized()).toRotationMatrix();
+  const auto mesh = test::build(points, grid.triangles());
+  const auto other = test::build(Points<double>(3 * points * turn.transpose()), grid.triangles());
+  const PosedForms a = PosedForms::at_rest(mesh, Connection<double>(mesh));
+  const PosedForms b = PosedForms::at_rest(other, Connection<double>(other));
+  Context context;
+  const PosedMetric p = posed_metric(mesh, a, {}, {}, context).value(),
+                    q = posed_metric(other, b, {}, {}, context).value();
+  for (Index f = 0; f < mesh.face_count(); ++f) {
+    CHECK(a.of_face(f)[0].xx == Approx(3 * b.of_face(f)[0].xx).margin(1e-9));
+    CHECK(a.of_face(f)[0].xy == Approx(3 * b.of_face(f)[0].xy).margin(1e-9));
+    const auto i = static_cast<std::size_t>(f);
+    CHECK(p.error[i] == Approx(9 * q.error[i]).epsilon(1e-6));
+    CHECK(p.density[i] == Approx(q.density[i]).epsilon(1e-6));
+  }
+}
+
+TEST_CASE("posed metric: the form of a pose is the second form of the posed surface", "[posed_metric][fast]") {
+  const auto mesh = tube();
+  const Connection<double> connection(mesh);
+  const Rig rig = hinge(mesh);
+  Context context;
+  for (const Index smoothing : {0, 1, 3})
+    for (const Skinning skinning : {Skinning::linear_blend, Skinning::dual_quaternion}) {
+      const Pose pose = bend(rig.skeleton, 1, {0, 0, 1}, 1.0);
+      PosedForms::Options options;
+      options.skinning = skinning;
+      options.smoothing = smoothing;
+      options.least_area_ratio = 0;
+      options.rest_weight = 0.5;
+      options.pose_weights = {1.5};
+      const PosedForms forms =
+          PosedForms::create(mesh, connection, rig.weights, std::vector<Pose>{pose}, options, context).value();
+      const auto posed = test::build(skin(mesh.positions(), rig.weights, pose, skinning), mesh.faces());
+      const Connection<double> posed_connection(posed);
+      const PosedForms expected = PosedForms::at_rest(posed, posed_connection, smoothing);
+      Index moved = 0;
+      for (Index f = 0; f < mesh.face_count(); ++f) {
+        const auto own = forms.of_face(f);
+        double weight = 0;
+        for (const auto& form : own) weight += form.weight;
+        CHECK(weight == Approx(1));
+        moved += own.size() == 2;
+        if (own.size() == 2) CHECK(own[1].weight == Approx(0.75));
+        for (Index h = 3 * f; h < 3 * f + 3; ++h) {
+          const Complex at_rest = connection.to_complex(f, mesh.edge_vector(h));
+          const Complex bent = posed_connection.to_complex(f, posed.edge_vector(h));
+          CHECK(own.back().at(at_rest) == Approx(expected.of_face(f)[0].at(bent)).margin(1e-9));
+        }
+      }
+      CHECK(moved > mesh.face_count() / 3);
+      CHECK(moved < mesh.face_count() / 2);  // the thirds that one bone holds are not looked at again
+    }
+}
+
+TEST_CASE("posed metric: a pose that moves everything as one body adds nothing", "[posed_metric][fast]") {
+  const auto mesh = tube();
+  const Connection<double> connection(mesh);
+  const Rig rig = hinge(mesh);
+  Context context;
+  const PosedForms forms = PosedForms::create(mesh, connection, rig.weights,
+                                              std::vector<Pose>{bend(rig.skeleton, 0, {0, 1, 0}, 1)}, {}, context)
+                               .value();
+  for (Index f = 0; f < mesh.face_count(); ++f) {
+    REQUIRE(forms.of_face(f).size() == 1);
+    CHECK(forms.of_face(f)[0].weight == 1);
+  }
+}
+
+TEST_CASE("posed metric: a hinge draws quads, and more where joints weigh more", "[posed_metric][fast]") {
+  const auto mesh = tube();
+  const Connection<double> connection(mesh);
+  const Rig rig = hinge(mesh);
+  Context context;
+  const PosedForms forms =
+      PosedForms::create(mesh, connection, rig.weights, bend_poses(rig.skeleton), {}, context).value();
+  std::vector<double> omega1(static_cast<std::size_t>(mesh.face_count()));
+  for (Index f = 0; f < mesh.face_count(); ++f)
+    omega1[static_cast<std::size_t>(f)] = std::min(1.0, std::abs(x_of(mesh, f) - length / 2));
+  double share[3] = {};
+  const double joint_weights[3] = {1, 3, 8};
+  for (int k = 0; k < 3; ++k) {
+    const PosedMetric metric = posed_metric(mesh, forms, omega1, {.joint_weight = joint_weights[k]}, context).value();
+    double mean = 0;
+    for (Index f = 0; f < mesh.face_count(); ++f) {
+      const auto i = static_cast<std::size_t>(f);
+      mean += mesh.area(f) * metric.density[i];
+      if (std::abs(x_of(mesh, f) - length / 2) < 1) share[k] += mesh.area(f) * metric.density[i];
+      CHECK(metric.aspect[i] >= 1);
+      CHECK(metric.aspect[i] <= 4 + 1e-12);
+      CHECK(std::abs(std::abs(metric.direction[i]) - 1) < 1e-12);
+      CHECK(metric.density[i] >= 0.25 - 1e-9);
+      CHECK(metric.density[i] <= 16 + 1e-9);
+    }
+    CHECK(mean == Approx(mesh.total_area()));
+  }
+  CHECK(share[0] > mesh.total_area() / 3);
+  CHECK(share[1] > share[0]);
+  CHECK(share[2] > share[1]);
+}
+
+TEST_CASE("posed metric: no other direction or aspect leaves a smaller error", "[posed_metric][fast]") {
+  const auto mesh = tube();
+  const Connection<double> connection(mesh);
+  const Rig rig = hinge(mesh);
+  Context context;
+  const PosedForms forms =
+      PosedForms::create(mesh, connection, rig.weights, bend_poses(rig.skeleton, 80), {}, context).value();
+  const PosedMetric metric = posed_metric(mesh, forms, {}, {}, context).value();
+  for (Index f = 0; f < mesh.face_count(); f += 7) {
+    const auto i = static_cast<std::size_t>(f);
+    const Complex d = metric.direction[i];
+    CHECK(forms.mean_square_sagitta(f, d * std::sqrt(metric.aspect[i]),
+                                    Complex(0, 1) * d / std::sqrt(metric.aspect[i])) ==
+          Approx(metric.error[i]).epsilon(1e-9));
+    double least = std::numeric_limits<double>::infinity();
+    for (int k = 0; k < 180; ++k)
+      for (double rho = 1; rho < 4.01; rho += 0.05) {
+        const Complex z = std::polar(1.0, k * std::numbers::pi / 180);
+        least = std::min(least, forms.mean_square_sagitta(f, z * std::sqrt(rho), Complex(0, 1) * z / std::sqrt(rho)));
+      }
+    CHECK(metric.error[i] <= least * 1.01 + 1e-15);
+  }
+}
+
+TEST_CASE("posed metric: a plane has density one and no direction", "[posed_metric][fast]") {
+  const test::Grid grid{6, 6};
+  const auto mesh = test::build(grid.positions([](Index i, Index j) { return Vector3(i, j, 0); }), grid.triangles());
+  Context context;
+  const PosedMetric metric =
+      posed_metric(mesh, PosedForms::at_rest(mesh, Connection<double>(mesh)), {}, {}, context).value();
+  for (std::size_t f = 0; f < metric.density.size(); ++f) {
+    CHECK(metric.density[f] == Approx(1));
+    CHECK(metric.alignment[f] == 0);
+  }
+}
+
+TEST_CASE("posed metric: the bits are the same at any number of threads", "[posed_metric][fast]") {
+  const auto mesh = tube();
+  const Connection<double> connection(mesh);
+  const Rig rig = hinge(mesh);
+  PosedMetric first;
+  for (const unsigned threads : {1u, 2u, 5u}) {
+    Context context;
+    context.threads = threads;
+    const PosedForms forms =
+        PosedForms::create(mesh, connection, rig.weights, bend_poses(rig.skeleton), {}, context).value();
+    const PosedMetric metric = posed_metric(mesh, forms, {}, {}, context).value();
+    if (threads == 1) first = metric;
+    CHECK(metric.direction == first.direction);
+    CHECK(metric.aspect == first.aspect);
+    CHECK(metric.alignment == first.alignment);
+    CHECK(metric.density == first.density);
+  }
+}
+
+TEST_CASE("posed metric: what does not fit is refused by name", "[posed_metric][fast]") {
+  const auto mesh = tube();
+  const Connection<double> connection(mesh);
+  const Rig rig = hinge(mesh);
+  const std::vector<Pose> poses = bend_poses(rig.skeleton);
+  Context context;
+  const auto code = [&](const SkinWeights& weights, const std::vector<Pose>& some, const PosedForms::Options& options) {
+    return PosedForms::create(mesh, connection, weights, some, options, context).error().code;
+  };
+  CHECK(code(SkinWeights(2, 2), poses, {}) == ErrorCode::bad_input);
+  CHECK(code(rig.weights, {Pose(3)}, {}) == ErrorCode::bad_input);
+  PosedForms::Options options;
+  options.pose_weights = {1, 2};
+  CHECK(code(rig.weights, poses, options) == ErrorCode::bad_option);
+  options.pose_weights.assign(poses.size(), -1);
+  CHECK(code(rig.weights, poses, options) == ErrorCode::bad_option);
+  options.pose_weights.assign(poses.size(), 0);
+  options.rest_weight = 0;
+  CHECK(code(rig.weights, poses, options) == ErrorCode::bad_option);
+  const PosedForms forms = PosedForms::at_rest(mesh, connection);
+  CHECK(posed_metric(mesh, forms, {}, {.largest_aspect = 0.5}, context).error().where == "largest_aspect");
+  CHECK(posed_metric(mesh, forms, std::vector<double>(3), {}, context).error().code == ErrorCode::bad_input);
+  const std::atomic<bool> stop = true;
+  context.cancel_flag = &stop;
+  CHECK(code(rig.weights, poses, {}) == ErrorCode::cancelled);
+}
+
+TEST_CASE("posed metric: graded sizes change slowly, are never larger, and are left alone when they do already",
+          "[posed_metric][fast]") {
+  const auto mesh = tube();
+  std::mt19937 engine(9);
+  std::vector<double> sizes(static_cast<std::size_t>(mesh.face_count()));
+  for (double& s : sizes) s = 0.02 + static_cast<double>(engine() % 1000) / 500;
+  const std::vector<double> graded = graded_sizes(mesh, sizes, 0.3);
+  const auto centre = [&](Index f) {
+    return (mesh.position(mesh.faces()(f, 0)) + mesh.position(mesh.faces()(f, 1)) + mesh.position(mesh.faces()(f, 2))) /
+           3;
+  };
+  double least_in = 1e9, least_out = 1e9;
+  for (Index f = 0; f < mesh.face_count(); ++f) {
+    const auto i = static_cast<std::size_t>(f);
+    CHECK(graded[i] <= sizes[i]);
+    least_in = std::min(least_in, sizes[i]);
+    least_out = std::min(least_out, graded[i]);
+    for (Index h = 3 * f; h < 3 * f + 3; ++h) {
+      if (mesh.twin(h) == no_index) continue;
+      const Index g = mesh.twin(h) / 3;
+      const Vector3 middle = (mesh.position(mesh.origin(h)) + mesh.position(mesh.target(h))) / 2;
+      const double way = (centre(f) - middle).norm() + (centre(g) - middle).norm();
+      CHECK(std::abs(graded[i] - graded[static_cast<std::size_t>(g)]) <= 0.3 * way + 1e-12);
+    }
+  }
+  CHECK(least_in == least_out);
+  CHECK(graded_sizes(mesh, graded, 0.3) == graded);
+
+  const std::vector<double> density = graded_density(mesh, sizes, 500);
+  double mean = 0;
+  for (Index f = 0; f < mesh.face_count(); ++f) mean += mesh.area(f) * density[static_cast<std::size_t>(f)];
+  CHECK(mean == Approx(mesh.total_area()));
+}
