@@ -25,18 +25,22 @@ struct FieldOptions {
   FieldPreset preset = FieldPreset::standard;
 
   /// How far targets are carried and below which singularities merge: a fraction, in (0, 1], of the square root of
-  /// the area of each component.
+  /// the area of each component. Default 0.01, static 0.05.
   std::optional<double> smoothing_length;
-  /// Length of a quad's edge, or 0: the smoothing length is at least `merge_quads` of it, so that singularities closer
-  /// than a quad merge.
+  /// Length of a quad's edge, or 0: smoothing and merging lengths are at least `merge_quads` of it, so that
+  /// singularities closer than a quad merge.
   double quad_edge = 0;
-  double merge_quads = 1;
+  double merge_quads = 0.5;
+  /// Rounds of making every cross a unit and smoothing again over `merge_length` (a fraction like smoothing_length, at
+  /// least `merge_quads` quads): pairs of singularities closer than that find each other and vanish. 0: none.
+  Index merge_rounds = 10;
+  double merge_length = 0.03;
 
   /// How much bones pull, and principal curvature; ≥ 0. Without a rig there are no bones to pull.
   std::optional<double> bone_weight;
   std::optional<double> curvature_weight;
   /// Curvature is averaged over this fraction of the square root of the area of its component, > 0.
-  double curvature_length = 0.01;
+  double curvature_length = 0.015;
 
   /// Targets of the caller's own, added to the preset's: one entry a face.
   std::optional<PolyVectorTargets> targets;
@@ -44,8 +48,11 @@ struct FieldOptions {
   std::vector<FixedDirection> fixed;
   /// The cross follows the border on every face beside it.
   bool follow_boundary = true;
-  /// The cross follows edges that bend more than this on both their faces, radians; π: none.
-  double crease_angle_radians = std::numbers::pi;
+  /// The cross follows creases on both sides: edges that bend more than this, radians, in runs at least as long as
+  /// `crease_length` times the square root of the component's area. π: none. Default π, static 0.7 (40°); where more
+  /// than a fifth of the faces lie beside such edges the surface is coarse or rough, not creased, and none are held.
+  std::optional<double> crease_angle_radians;
+  double crease_length = 0.5;
   /// Further terms in x0 and in x1, one unknown a face.
   std::vector<AnyTerm<Complex>> own_terms_x0, own_terms_x1;
 
@@ -78,6 +85,7 @@ struct FieldReport {
   Index euler_characteristic = 0;
   double smoothing_length = 0;  ///< largest over the components, a length
   Index fixed_faces = 0;
+  Index merge_rounds = 0;     ///< rounds taken
   Index free_components = 0;  ///< components that no target pins: the smoothest field there is
   Index bounded_frames = 0;   ///< frames brought within the limits
   FieldSolverReport solve;

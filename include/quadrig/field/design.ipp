@@ -38,9 +38,14 @@ QUADRIG_INLINE Status FieldOptions::validate(Index faces) const {
   if (bone_weight && !not_negative(*bone_weight)) return fail("a weight is not negative", "bone_weight", "0 for none");
   if (curvature_weight && !not_negative(*curvature_weight))
     return fail("a weight is not negative", "curvature_weight", "0 for none");
+  if (merge_rounds < 0) return fail("a count is not negative", "merge_rounds", "0 for none");
+  if (!(merge_length > 0 && merge_length <= 1))
+    return fail("a fraction in (0, 1] is needed", "merge_length", "0.03 is usual");
   if (!(curvature_length > 0 && curvature_length <= 1))
     return fail("a fraction in (0, 1] is needed", "curvature_length", "0.01 is usual");
-  if (!(crease_angle_radians > 0)) return fail("an angle is positive", "crease_angle_radians", "π for no creases");
+  if (crease_angle_radians && !(*crease_angle_radians > 0))
+    return fail("an angle is positive", "crease_angle_radians", "π for no creases");
+  if (!not_negative(crease_length)) return fail("a length is not negative", "crease_length", "0.5 is usual");
   if (!(limits.least_angle_radians >= 0 && limits.least_angle_radians < std::numbers::pi / 2))
     return fail("an angle in [0, π/2) is needed", "limits.least_angle_radians", "0.44 is usual");
   if (!(limits.largest_ratio >= 1)) return fail("a ratio is at least 1", "limits.largest_ratio", "8 is usual");
@@ -262,14 +267,60 @@ QUADRIG_INLINE DensityTargets bone_densities(const FieldProblem& problem, const 
   return targets;
 }
 
+// Unit crosses have an energy that grows with the distance between a pair of singularities, which the linear solution
+// escapes by vanishing between them. Alternately smoothing over a length and taking every cross back to a unit makes
+// such pairs approach and cancel; targets pull as much as they did. Source: Merriman, Bence and Osher's scheme for
+// crosses, Viertel and Osting 2019.
+QUADRIG_INLINE Expected<std::vector<Complex>> merge_singularities(FieldSolver& solver, FieldSystem system,
+                                                                  const ComponentScales& scales,
+                                                                  const FieldOptions& options, std::vector<Complex> x0,
+                                                                  FieldReport& report, Context& context) {
+  const std::size_t m = x0.size();
+  std::vector<double> factor;
+  for (std::size_t c = 0; c < scales.area.size(); ++c) {
+    const double length = std::max(options.merge_length,
+                                   std::min(0.25, options.merge_quads * options.quad_edge / std::sqrt(scales.area[c])));
+    factor.push_back(2 * std::pow(length / scales.average[c], 2));
+  }
+  const auto factor_of = [&](std::size_t f) { return factor[static_cast<std::size_t>(scales.components.of_face[f])]; };
+  std::vector<double> smoothness(system.smoothness.begin(), system.smoothness.end());
+  std::vector<double> weight(system.target_weight.begin(), system.target_weight.end());
+  for (std::size_t h = 0; h < smoothness.size(); ++h) smoothness[h] *= factor_of(h / 3);
+  for (std::size_t f = 0; f < m; ++f) weight[f] *= factor_of(f);
+  system.smoothness = smoothness;
+  system.target_weight = weight;
+  system.shrink = scales.share;  // |x − x̂|² without its linear part, which each round adds to the right-hand side
+  system.unpinned = {};
+
+  std::vector<Complex> pull(m), unit(m);
+  for (std::size_t f = 0; f < m; ++f) unit[f] = std::abs(x0[f]) > 0 ? x0[f] / std::abs(x0[f]) : Complex(1);
+  for (Index round = 0; round < options.merge_rounds; ++round) {
+    for (std::size_t f = 0; f < m; ++f) pull[f] = scales.share[f] * unit[f];
+    if (round == 0)
+      if (auto prepared = solver.minimize(std::span(&system, 1), context); !prepared) return prepared.error();
+    auto next = solver.solve_again(0, pull, context);
+    if (!next) return next.error();
+    x0 = std::move(*next);
+    double change = 0;
+    for (std::size_t f = 0; f < m; ++f) {
+      const Complex before = unit[f];
+      if (std::abs(x0[f]) > 0) unit[f] = x0[f] / std::abs(x0[f]);
+      change += scales.share[f] * std::norm(unit[f] - before);
+    }
+    ++report.merge_rounds;
+    if (change < 1e-5) break;
+  }
+  return x0;
+}
+
 QUADRIG_INLINE Expected<FieldResult> design_smooth_field(const FieldProblem& problem, const FieldOptions& options,
                                                          FieldReport report, Context& context) {
   const TriangleMesh<double>& mesh = *problem.mesh;
   const Connection<double>& connection = *problem.connection;
   const auto m = static_cast<std::size_t>(mesh.face_count());
   const bool flat = report.preset == FieldPreset::flat;
-  const ComponentScales scales =
-      component_scales(mesh, options.smoothing_length.value_or(0.02), options.merge_quads * options.quad_edge);
+  const ComponentScales scales = component_scales(mesh, options.smoothing_length.value_or(flat ? 0.05 : 0.01),
+                                                  options.merge_quads * options.quad_edge);
   for (std::size_t c = 0; c < scales.area.size(); ++c)
     report.smoothing_length = std::max(report.smoothing_length, scales.average[c] * std::sqrt(scales.area[c]));
   auto solver = FieldSolver::create(mesh, connection, options.solver);
@@ -302,8 +353,21 @@ QUADRIG_INLINE Expected<FieldResult> design_smooth_field(const FieldProblem& pro
   };
   hold(options.fixed);
   if (options.follow_boundary) hold(directions_along(mesh, connection, boundary_halfedges(mesh)));
-  if (options.crease_angle_radians < std::numbers::pi)
-    hold(directions_along(mesh, connection, crease_halfedges(mesh, options.crease_angle_radians)));
+  if (const double limit = options.crease_angle_radians.value_or(flat ? 0.7 : std::numbers::pi);
+      limit < std::numbers::pi) {
+    const auto least_length = [&](Index f) {
+      const auto c = static_cast<std::size_t>(scales.components.of_face[static_cast<std::size_t>(f)]);
+      return options.crease_length * std::sqrt(scales.area[c]);
+    };
+    const auto along =
+        directions_along(mesh, connection, crease_halfedges(mesh, limit, function_ref<double(Index)>(least_length)));
+    if (along.size() * 5 <= m)
+      hold(along);
+    else
+      context.warn("field",
+                   std::to_string(along.size()) + " of " + std::to_string(m) +
+                       " faces lie beside sharp edges: taken for a coarse or rough surface, no crease is held");
+  }
   report.fixed_faces = static_cast<Index>(fixed0.size());
 
   // Energies are shares: divided by each component's area, lengths are fractions of its size.
@@ -351,13 +415,19 @@ QUADRIG_INLINE Expected<FieldResult> design_smooth_field(const FieldProblem& pro
   auto solved = solver->minimize(systems, context);
   if (!solved) return solved.error();
   PolyVectorField polynomial{std::move((*solved)[0]), skewed ? std::move((*solved)[1]) : std::vector<Complex>(m)};
-  report.solve = solver->report();
   const std::span<const Complex> x0 = polynomial.x0, x1 = polynomial.x1;
   report.energy_align =
       energy_of<Complex>(Alignment<>(targets.x0, align), x0) + energy_of<Complex>(Alignment<>(targets.x1, align), x1);
   report.energy_smooth = energy_of<Complex>(Smoothness<>(mesh, connection, 4, smoothness), x0) +
                          energy_of<Complex>(Smoothness<>(mesh, connection, 2, smoothness), x1);
   report.energy_orth = energy_of<Complex>(Orthogonality<>(orthogonality), x1);
+
+  if (options.merge_rounds > 0) {
+    auto merged = merge_singularities(*solver, systems.front(), scales, options, polynomial.x0, report, context);
+    if (!merged) return merged.error();
+    polynomial.x0 = std::move(*merged);
+  }
+  report.solve = solver->report();
 
   const double length = report.smoothing_length;
   auto result = finish_field(problem, std::move(polynomial), options, std::move(report));

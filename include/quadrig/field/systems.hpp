@@ -31,6 +31,7 @@ struct FieldSystem {
   std::span<const Complex> start = {};
 };
 
+/// Sums over all calls.
 struct FieldSolverReport {
   double assembly_seconds = 0, analysis_seconds = 0, factorization_seconds = 0, solve_seconds = 0;
   double residual = 0;  ///< largest relative residual of the systems
@@ -53,6 +54,11 @@ class FieldSolver {
   /// \cost O(m) to refill, a sparse factorization each. \fails numeric where a system is singular; cancelled.
   [[nodiscard]] Expected<std::vector<std::vector<Complex>>> minimize(std::span<const FieldSystem> systems,
                                                                      Context& context);
+
+  /// The k-th system of the last `minimize` once more, with numbers added to its right-hand side, one a face: no
+  /// assembly and no factorization. \pre that call succeeded. \cost one solve. \fails numeric; cancelled.
+  [[nodiscard]] Expected<std::vector<Complex>> solve_again(std::size_t k, std::span<const Complex> added_rhs,
+                                                           Context& context);
 
   [[nodiscard]] const FieldSolverReport& report() const { return report_; }
 

@@ -128,7 +128,6 @@ QUADRIG_INLINE Expected<Index> smallest_eigenvectors(const FieldSystem& system, 
 
 QUADRIG_INLINE Expected<std::vector<std::vector<Complex>>> FieldSolver::minimize(std::span<const FieldSystem> systems,
                                                                                  Context& context) {
-  report_ = {};
   while (slots_.size() < systems.size()) slots_.push_back({QuadraticForm<Complex>(mesh_->face_count()), {}, 0});
 
   for (std::size_t k = 0; k < systems.size(); ++k) {
@@ -200,6 +199,20 @@ QUADRIG_INLINE Expected<std::vector<std::vector<Complex>>> FieldSolver::minimize
     results.push_back(std::move(outcome.z));
   }
   return results;
+}
+
+QUADRIG_INLINE Expected<std::vector<Complex>> FieldSolver::solve_again(std::size_t k,
+                                                                       std::span<const Complex> added_rhs,
+                                                                       Context& context) {
+  if (context.cancelled()) return cancelled_error("field");
+  const Stopwatch clock;
+  Slot& slot = slots_[k];
+  std::vector<Complex> b = slot.form.restrict_to_free(added_rhs), x(b.size());
+  for (std::size_t i = 0; i < b.size(); ++i) b[i] += slot.form.rhs()[i];
+  if (!b.empty())
+    if (const SolveInfo info = slot.solver->solve(b, x, context); !info.status.ok()) return info.status.error();
+  report_.solve_seconds += clock.seconds();
+  return slot.form.expand(x);
 }
 
 }  // namespace quadrig
