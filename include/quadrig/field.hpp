@@ -61,6 +61,7 @@ struct FieldOptions {
 
   FrameLimits limits;
   std::string solver{default_solver_name};
+  SolverFactory<Complex> own_solver;  ///< in the place of `solver` where set
 
   /// \fails bad_option, naming the field
   [[nodiscard]] Status validate(Index faces) const;

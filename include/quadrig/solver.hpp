@@ -1,6 +1,8 @@
 // Solvers of Hermitian positive definite systems, by name.
 #pragma once
 
+#include <functional>
+
 #include "quadrig/solver/backend.hpp"
 #include "quadrig/solver/simplicial.hpp"
 #if defined(QUADRIG_WITH_CHOLMOD)
@@ -31,6 +33,10 @@ template <SparseScalar K>
   return false;
 }
 
+/// Makes fresh backends: what a stage takes where a user brings a backend of their own.
+template <SparseScalar K>
+using SolverFactory = std::function<Expected<AnySolver<K>>()>;
+
 /// A fresh backend of the given name.
 /// \fails bad_option on a name that no version knows; unsupported on a backend that is not in this build: never
 ///   another backend in its place.
@@ -54,6 +60,12 @@ template <SparseScalar K>
     known += (known.empty() ? "" : ", ") + std::string(each);
   }
   return Error{ErrorCode::bad_option, "there is no such solver", "solver " + std::string(name), "one of: " + known};
+}
+
+/// The factory of a backend by name; its error, if any, comes with the first call.
+template <SparseScalar K>
+[[nodiscard]] SolverFactory<K> solver_factory(std::string_view name = default_solver_name) {
+  return [name = std::string(name)] { return make_solver<K>(name); };
 }
 
 }  // namespace quadrig

@@ -74,6 +74,10 @@ struct FieldProblem {
   std::optional<Dominance> dominance;
 };
 
+QUADRIG_INLINE SolverFactory<Complex> factory_of(const FieldOptions& options) {
+  return options.own_solver ? options.own_solver : solver_factory<Complex>(options.solver);
+}
+
 // |x| per face as numbers that do not depend on the bases.
 QUADRIG_INLINE void describe_polynomial(const PolyVectorField& field, FieldReport& report) {
   std::vector<double> size;
@@ -157,7 +161,7 @@ QUADRIG_INLINE Expected<FieldResult> design_thesis_field(const FieldProblem& pro
     smoothness[static_cast<std::size_t>(h)] = (beta[f] + beta[g]) / 2 * areas / 3;
   }
 
-  auto solver = FieldSolver::create(mesh, *problem.connection, options.solver);
+  auto solver = FieldSolver::create(mesh, *problem.connection, factory_of(options));
   if (!solver) return solver.error();
   const std::array<FieldSystem, 2> systems{
       FieldSystem{.power = 4, .smoothness = smoothness, .target = targets.x0, .target_weight = targets.weight},
@@ -323,7 +327,7 @@ QUADRIG_INLINE Expected<FieldResult> design_smooth_field(const FieldProblem& pro
                                                   options.merge_quads * options.quad_edge);
   for (std::size_t c = 0; c < scales.area.size(); ++c)
     report.smoothing_length = std::max(report.smoothing_length, scales.average[c] * std::sqrt(scales.area[c]));
-  auto solver = FieldSolver::create(mesh, connection, options.solver);
+  auto solver = FieldSolver::create(mesh, connection, factory_of(options));
   if (!solver) return solver.error();
 
   PolyVectorTargets targets = PolyVectorTargets::none(mesh.face_count());
@@ -458,7 +462,7 @@ QUADRIG_INLINE Expected<FieldResult> design_field(const Asset& asset, const Conn
   detail::FieldProblem problem{&mesh, &connection, nullptr, {}};
   FieldReport report;
   report.preset = options.preset;
-  report.solver = options.solver;
+  report.solver = options.own_solver ? "own" : options.solver;
   report.vertices = mesh.vertex_count();
   report.faces = mesh.face_count();
   report.interior_edges = mesh.interior_edge_count();

@@ -121,7 +121,7 @@ QUADRIG_INLINE Expected<PowerFieldResult> design_power_field(const TriangleMesh<
   std::vector<double> smoothness = dirichlet_weights(mesh);
   for (double& each : smoothness) each *= options.smoothing_length * options.smoothing_length;
 
-  auto solver = FieldSolver::create(mesh, connection, options.solver);
+  auto solver = FieldSolver::create(mesh, connection, solver_factory<Complex>(options.solver));
   if (!solver) return solver.error();
   const std::array<FieldSystem, 1> system{FieldSystem{.power = options.n,
                                                       .smoothness = smoothness,

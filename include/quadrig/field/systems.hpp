@@ -44,10 +44,10 @@ struct FieldSolverReport {
 /// \pre mesh and connection outlive the solver.
 class FieldSolver {
  public:
-  /// \fails as make_solver does
+  /// \fails as the factory does
   [[nodiscard]] static Expected<FieldSolver> create(const TriangleMesh<double>& mesh,
                                                     const Connection<double>& connection,
-                                                    std::string_view solver = default_solver_name);
+                                                    SolverFactory<Complex> factory = solver_factory<Complex>());
 
   /// Minimizes each system; the k-th result belongs to the k-th system. Systems are factored side by side where the
   /// context allows more than one thread; the bits of the results do not depend on that.
@@ -69,15 +69,15 @@ class FieldSolver {
     std::uint64_t version = 0;
   };
 
-  FieldSolver(const TriangleMesh<double>& mesh, const Connection<double>& connection, std::string solver)
-      : mesh_(&mesh), connection_(&connection), solver_name_(std::move(solver)) {}
+  FieldSolver(const TriangleMesh<double>& mesh, const Connection<double>& connection, SolverFactory<Complex> factory)
+      : mesh_(&mesh), connection_(&connection), factory_(std::move(factory)) {}
 
   Status assemble(Slot& slot, const FieldSystem& system);
   Status analyze(Slot& slot, Context& context);
 
   const TriangleMesh<double>* mesh_;
   const Connection<double>* connection_;
-  std::string solver_name_;
+  SolverFactory<Complex> factory_;
   std::vector<Slot> slots_;
   // The pattern of the last analysis, and a solver that holds it, unfactored.
   std::vector<Index> column_starts_, rows_;

@@ -7,9 +7,9 @@ namespace quadrig {
 
 QUADRIG_INLINE Expected<FieldSolver> FieldSolver::create(const TriangleMesh<double>& mesh,
                                                          const Connection<double>& connection,
-                                                         std::string_view solver) {
-  if (auto known = make_solver<Complex>(solver); !known) return known.error();
-  return FieldSolver(mesh, connection, std::string(solver));
+                                                         SolverFactory<Complex> factory) {
+  if (auto first = factory(); !first) return first.error();
+  return FieldSolver(mesh, connection, std::move(factory));
 }
 
 QUADRIG_INLINE Status FieldSolver::assemble(Slot& slot, const FieldSystem& system) {
@@ -50,7 +50,7 @@ QUADRIG_INLINE Status FieldSolver::analyze(Slot& slot, Context& context) {
   const bool same =
       analyzed_ && std::ranges::equal(A.column_starts, column_starts_) && std::ranges::equal(A.rows, rows_);
   if (!same) {
-    auto fresh = make_solver<Complex>(solver_name_);
+    auto fresh = factory_();
     if (!fresh) return fresh.error();
     analyzed_ = std::move(*fresh);
     if (Status status = analyzed_->analyze(A, {}, context); !status.ok()) return status;
@@ -61,7 +61,7 @@ QUADRIG_INLINE Status FieldSolver::analyze(Slot& slot, Context& context) {
   if (analyzed_->can_clone()) {
     slot.solver = analyzed_->clone();
   } else {
-    auto fresh = make_solver<Complex>(solver_name_);
+    auto fresh = factory_();
     if (!fresh) return fresh.error();
     slot.solver = std::move(*fresh);
     if (Status status = slot.solver->analyze(A, {}, context); !status.ok()) return status;
