@@ -22,6 +22,16 @@ configure_package_config_file("${CMAKE_CURRENT_LIST_DIR}/quadrig-config.cmake.in
 write_basic_package_version_file("${PROJECT_BINARY_DIR}/quadrig-config-version.cmake" COMPATIBILITY SameMinorVersion)
 install(FILES "${PROJECT_BINARY_DIR}/quadrig-config.cmake" "${PROJECT_BINARY_DIR}/quadrig-config-version.cmake"
   DESTINATION "${quadrig_cmake_dir}")
+set(quadrig_pc_flags)
+set(quadrig_pc_libs)
+if(QUADRIG_WITH_CHOLMOD)
+  install(FILES "${CMAKE_CURRENT_LIST_DIR}/FindCHOLMOD.cmake" DESTINATION "${quadrig_cmake_dir}")
+  set(quadrig_pc_flags " -DQUADRIG_WITH_CHOLMOD -I${CHOLMOD_INCLUDE_DIR}")
+  set(quadrig_pc_libs " -lcholmod")
+endif()
+if(QUADRIG_WITH_CHOLMOD_SUPERNODAL_GPL)
+  string(APPEND quadrig_pc_flags " -DQUADRIG_WITH_CHOLMOD_SUPERNODAL_GPL")
+endif()
 
 # The prefix as seen from the .pc files, so that an installed tree can be moved.
 file(RELATIVE_PATH quadrig_up "/prefix/${CMAKE_INSTALL_LIBDIR}/pkgconfig" "/prefix")
