@@ -5,6 +5,7 @@
 #include "quadrig/field.hpp"
 #include "quadrig/prepare.hpp"
 #include "quadrig/quads.hpp"
+#include "quadrig/simplify.hpp"
 
 #include "quadrig/constraints/posed_metric.ipp"
 #include "quadrig/field/design.ipp"
@@ -15,3 +16,4 @@
 #include "quadrig/prepare/refine.ipp"
 #include "quadrig/prepare/repair.ipp"
 #include "quadrig/prepare/triangulate.ipp"
+#include "quadrig/simplify/split.ipp"

@@ -1,0 +1,300 @@
+// Edge collapse by quadric errors that keeps the simplicial complex, its boundary loops and its orientation.
+#pragma once
+
+#include <queue>
+#include <tuple>
+
+#include "quadrig/mesh.hpp"
+
+namespace quadrig::detail {
+
+/// xᵀ A x − 2 bᵀ x + c: a sum of weighted squared distances to planes and points.
+class Quadric {
+ public:
+  /// weight · (n·(x − p))², n of unit length.
+  void add_plane(const Vector3& n, const Vector3& p, double weight) {
+    const double d = n.dot(p);
+    add(weight * Eigen::Matrix3d(n * n.transpose()), weight * d * n, weight * d * d);
+  }
+  /// weight · |x − p|².
+  void add_point(const Vector3& p, double weight) {
+    add(weight * Eigen::Matrix3d::Identity(), weight * p, weight * p.squaredNorm());
+  }
+  void add(const Quadric& other) { add(other.a_, other.b_, other.c_); }
+  [[nodiscard]] double operator()(const Vector3& x) const { return x.dot(a_ * x) - 2 * b_.dot(x) + c_; }
+
+ private:
+  void add(const Eigen::Matrix3d& a, const Vector3& b, double c) {
+    a_ += a;
+    b_ += b;
+    c_ += c;
+  }
+  Eigen::Matrix3d a_ = Eigen::Matrix3d::Zero();
+  Vector3 b_ = Vector3::Zero();
+  double c_ = 0;
+};
+
+/// 1 for an equilateral triangle, 0 for one without area.
+[[nodiscard]] inline double triangle_quality(const Vector3& a, const Vector3& b, const Vector3& c) {
+  const double sides = (b - a).squaredNorm() + (c - b).squaredNorm() + (a - c).squaredNorm();
+  return sides > 0 ? 2 * std::sqrt(3.0) * (b - a).cross(c - a).norm() / sides : 0;
+}
+
+/// A triangle mesh that loses vertices; those that stay keep their numbers and places.
+class Decimator {
+ public:
+  using Face = std::array<Index, 3>;
+
+  Decimator(const TriangleMesh<double>& mesh, double uniformity) {
+    const auto n = static_cast<std::size_t>(mesh.vertex_count());
+    const auto m = static_cast<std::size_t>(mesh.face_count());
+    const Vector3 center =
+        (mesh.positions().colwise().maxCoeff() + mesh.positions().colwise().minCoeff()).transpose() / 2;
+    positions_.resize(n);
+    around_.resize(n);
+    border_.assign(n, 0);
+    quadrics_.resize(n);
+    stamps_.assign(n, 0);
+    marks_.assign(n, 0);
+    faces_.resize(m);
+    alive_ = mesh.face_count();
+    for (std::size_t v = 0; v < n; ++v) positions_[v] = mesh.position(static_cast<Index>(v)) - center;
+    for (Index f = 0; f < mesh.face_count(); ++f) {
+      const Vector3 normal = mesh.normal(f);
+      for (int i = 0; i < 3; ++i) {
+        const Index v = mesh.faces()(f, i);
+        faces_[at(f)][static_cast<std::size_t>(i)] = v;
+        around_[at(v)].push_back(f);
+        quadrics_[at(v)].add_plane(normal, positions_[at(v)], mesh.area(f) / 3);
+        quadrics_[at(v)].add_point(positions_[at(v)], uniformity * mesh.area(f) / 3);
+        const Index h = 3 * f + i;
+        if (mesh.twin(h) != no_index) continue;
+        // A plane upright on the boundary edge keeps the boundary's shape as a face beyond it would.
+        const Index w = mesh.target(h);
+        const Vector3 along = mesh.edge_vector(h), upright = along.cross(normal);
+        const double length = upright.norm();
+        border_[at(v)] = border_[at(w)] = 1;
+        if (!(length > 0)) continue;
+        for (const Index end : {v, w})
+          quadrics_[at(end)].add_plane(upright / length, positions_[at(v)], along.squaredNorm());
+      }
+    }
+  }
+
+  [[nodiscard]] Index face_count() const { return alive_; }
+  /// The faces that are left, in the order of the input.
+  [[nodiscard]] std::vector<Face> faces() const {
+    std::vector<Face> result;
+    for (const Face& f : faces_)
+      if (f[0] != no_index) result.push_back(f);
+    return result;
+  }
+
+  /// Collapses edges, cheapest first, until at most `wanted` faces are left or none may be collapsed any more. Shapes
+  /// are held to a high standard first, and to less only where the count asks for it.
+  [[nodiscard]] Status reduce(Index wanted, Context& context) {
+    constexpr Rule rules[] = {{0.5, 0.6}, {0.3, 0.4}, {0.1, 0.3}, {0.02, 0.2}, {0, 0.1}};
+    for (const Rule& rule : rules)
+      for (Index before = alive_; alive_ > wanted; before = alive_) {
+        // Flips on the way keep the triangles fit for further collapses.
+        const Index stop = std::max(wanted, alive_ / 3);
+        if (!sweep(rule, stop, context)) return cancelled_error("simplify");
+        if (alive_ <= 8 * std::int64_t{wanted}) flip();
+        if (alive_ > stop && before - alive_ <= before / 50) break;
+      }
+    return {};
+  }
+
+ private:
+  /// What a collapse must leave: triangles of at least this quality, unless they were worse before, and turned from
+  /// where they were by no more than the angle of this cosine.
+  struct Rule {
+    double quality, cosine;
+  };
+  struct Candidate {
+    double cost;
+    Index from, to;
+    std::uint32_t from_stamp, to_stamp;
+    bool operator<(const Candidate& other) const {  // the queue's top is the cheapest
+      return std::tie(cost, from, to) > std::tie(other.cost, other.from, other.to);
+    }
+  };
+
+  static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+  [[nodiscard]] const Vector3& point(Index v) const { return positions_[at(v)]; }
+  [[nodiscard]] static bool has(const Face& f, Index v) { return f[0] == v || f[1] == v || f[2] == v; }
+  [[nodiscard]] Vector3 cross(const Face& f) const {
+    return (point(f[1]) - point(f[0])).cross(point(f[2]) - point(f[0]));
+  }
+  [[nodiscard]] double quality(const Face& f) const { return triangle_quality(point(f[0]), point(f[1]), point(f[2])); }
+  void mark_fresh() {
+    if (++mark_ != 0) return;
+    std::fill(marks_.begin(), marks_.end(), 0u);
+    mark_ = 1;
+  }
+
+  void offer(Index from, Index to) {
+    // What the sum of all squared distances grows by.
+    const Quadric& q = quadrics_[at(from)];
+    queue_.push({q(point(to)) - q(point(from)), from, to, stamps_[at(from)], stamps_[at(to)]});
+  }
+
+  /// Returns false where the caller asked to stop.
+  bool sweep(const Rule& rule, Index stop, Context& context) {
+    queue_ = {};
+    for (const Face& f : faces_) {
+      if (f[0] == no_index) continue;
+      for (std::size_t i = 0; i < 3; ++i) {
+        // Each inner edge is met from both sides, once in each direction.
+        offer(f[i], f[(i + 1) % 3]);
+        if (border_[at(f[i])] && border_[at(f[(i + 1) % 3])]) offer(f[(i + 1) % 3], f[i]);
+      }
+    }
+    std::size_t steps = 0;
+    while (alive_ > stop && !queue_.empty()) {
+      if (++steps % 4096 == 0 && context.cancelled()) return false;
+      const Candidate c = queue_.top();
+      queue_.pop();
+      if (c.from_stamp != stamps_[at(c.from)] || c.to_stamp != stamps_[at(c.to)]) continue;
+      if (!keeps_topology(c.from, c.to) || !keeps_shape(c.from, c.to, rule)) continue;
+      collapse(c.from, c.to);
+      ++stamps_[at(c.from)];
+      ++stamps_[at(c.to)];
+      mark_fresh();
+      for (const Index f : around_[at(c.to)])
+        for (const Index w : faces_[at(f)])
+          if (w != c.to && std::exchange(marks_[at(w)], mark_) != mark_) {
+            offer(c.to, w);
+            offer(w, c.to);
+          }
+    }
+    return true;
+  }
+
+  /// The link condition (the boundary seen as joined to a vertex at infinity), so that what is left is a simplicial
+  /// complex of the same topology: at least a tetrahedron, a triangle, or loops of three edges.
+  bool keeps_topology(Index from, Index to) {
+    Index shared[2], opposite[2];
+    std::size_t count = 0;
+    for (const Index f : around_[at(from)]) {
+      const Face& face = faces_[at(f)];
+      if (!has(face, to)) continue;
+      if (count == 2) return false;
+      for (const Index w : face)
+        if (w != from && w != to) opposite[count] = w;
+      shared[count++] = f;
+    }
+    if (count == 0 || (count == 2 && shared[0] == shared[1])) return false;
+    if (border_[at(from)] && count == 2) return false;  // would pull the boundary in, or pinch it
+    if (count == 1 && around_[at(from)].size() == 1 && around_[at(to)].size() == 1) return false;  // the last triangle
+    mark_fresh();
+    for (const Index f : around_[at(to)])
+      for (const Index w : faces_[at(f)]) marks_[at(w)] = mark_;
+    for (const Index f : around_[at(from)])
+      for (const Index w : faces_[at(f)])
+        if (w != from && w != to && marks_[at(w)] == mark_ && w != opposite[0] && (count == 1 || w != opposite[1]))
+          return false;
+    if (count == 2) {
+      const auto spans = [&](Index v) {
+        return std::any_of(around_[at(v)].begin(), around_[at(v)].end(),
+                           [&](Index f) { return has(faces_[at(f)], opposite[0]) && has(faces_[at(f)], opposite[1]); });
+      };
+      if (spans(from) && spans(to)) return false;  // the last tetrahedron
+    }
+    return true;
+  }
+
+  bool keeps_shape(Index from, Index to, const Rule& rule) const {
+    double worst = 1;
+    Vector3 ring = Vector3::Zero();
+    for (const Index f : around_[at(from)]) {
+      worst = std::min(worst, quality(faces_[at(f)]));
+      ring += cross(faces_[at(f)]);
+    }
+    const double floor = std::min(rule.quality, worst);
+    for (const Index f : around_[at(from)]) {
+      Face face = faces_[at(f)];
+      if (has(face, to)) continue;
+      const double old_quality = quality(face);
+      Vector3 old = cross(face);
+      if (old_quality < 0.05) old = ring;  // a needle's own normal says little
+      std::replace(face.begin(), face.end(), from, to);
+      if (quality(face) < floor) return false;
+      const Vector3 now = cross(face);
+      if (!(now.dot(old) > rule.cosine * now.norm() * old.norm())) return false;
+    }
+    return true;
+  }
+
+  void collapse(Index from, Index to) {
+    for (const Index f : around_[at(from)]) {
+      Face& face = faces_[at(f)];
+      if (has(face, to)) {
+        for (const Index w : face)
+          if (w != from) std::erase(around_[at(w)], f);
+        face[0] = no_index;
+        --alive_;
+      } else {
+        std::replace(face.begin(), face.end(), from, to);
+        around_[at(to)].push_back(f);
+      }
+    }
+    around_[at(from)].clear();
+    around_[at(from)].shrink_to_fit();
+    quadrics_[at(to)].add(quadrics_[at(from)]);
+  }
+
+  /// Turns inner edges where that raises the lesser quality of their two triangles and hardly bends the surface.
+  void flip() {
+    for (int round = 0; round < 5; ++round) {
+      Index flipped = 0;
+      for (Index f = 0; f < static_cast<Index>(faces_.size()); ++f)
+        for (std::size_t i = 0; faces_[at(f)][0] != no_index && i < 3; ++i) flipped += flip(f, i);
+      if (flipped == 0) break;
+    }
+  }
+
+  bool flip(Index f, std::size_t side) {
+    const Index a = faces_[at(f)][side], b = faces_[at(f)][(side + 1) % 3], c = faces_[at(f)][(side + 2) % 3];
+    Index g = no_index;
+    for (const Index other : around_[at(a)])
+      if (other != f && has(faces_[at(other)], b)) g = other;
+    if (g == no_index) return false;
+    Index d = no_index;
+    for (const Index w : faces_[at(g)])
+      if (w != a && w != b) d = w;
+    const Face one{a, d, c}, two{d, b, c};
+    const double before = std::min(quality(faces_[at(f)]), quality(faces_[at(g)]));
+    const double after = std::min(quality(one), quality(two));
+    if (!(after > before + 0.02) && !(after > 1.5 * before)) return false;
+    const Vector3 sum = cross(faces_[at(f)]) + cross(faces_[at(g)]), n1 = cross(one), n2 = cross(two);
+    constexpr double cosine = 0.97;
+    if (!(n1.dot(sum) > cosine * n1.norm() * sum.norm()) || !(n2.dot(sum) > cosine * n2.norm() * sum.norm()))
+      return false;
+    for (const Index v : {f, g}) {
+      const Vector3 old = cross(faces_[at(v)]);
+      if (quality(faces_[at(v)]) > 0.05 && !(old.dot(sum) > cosine * old.norm() * sum.norm())) return false;
+    }
+    for (const Index other : around_[at(c)])
+      if (has(faces_[at(other)], d)) return false;  // the edge is already there
+    faces_[at(f)] = one;
+    faces_[at(g)] = two;
+    std::erase(around_[at(b)], f);
+    std::erase(around_[at(a)], g);
+    around_[at(d)].push_back(f);
+    around_[at(c)].push_back(g);
+    return true;
+  }
+
+  std::vector<Vector3> positions_;
+  std::vector<Face> faces_;
+  std::vector<std::vector<Index>> around_;  // faces of each vertex
+  std::vector<char> border_;
+  std::vector<Quadric> quadrics_;
+  std::vector<std::uint32_t> stamps_, marks_;
+  std::uint32_t mark_ = 0;
+  std::priority_queue<Candidate> queue_;
+  Index alive_ = 0;
+};
+
+}  // namespace quadrig::detail

@@ -1,0 +1,372 @@
+// The split polygons on the surface: every vertex as near its place as its quads stay valid.
+#pragma once
+
+#include "quadrig/closest.hpp"
+#include "quadrig/simplify/pair.hpp"
+
+namespace quadrig::detail {
+
+/// Positions along the boundary loops of a mesh, by arc length.
+class BoundaryLoops {
+ public:
+  explicit BoundaryLoops(const TriangleMesh<double>& mesh) : mesh_(mesh) {
+    place_.assign(static_cast<std::size_t>(mesh.halfedge_count()), {no_index, no_index});
+    for (Index start = 0; start < mesh.halfedge_count(); ++start) {
+      if (mesh.twin(start) != no_index || place_[at(start)][0] != no_index) continue;
+      Loop loop;
+      Index h = start;
+      do {
+        place_[at(h)] = {static_cast<Index>(loops_.size()), static_cast<Index>(loop.halfedges.size())};
+        loop.halfedges.push_back(h);
+        loop.begins.push_back(loop.length);
+        loop.length += mesh.edge_vector(h).norm();
+        h = mesh.outgoing(mesh.target(h));  // the first of a boundary vertex's fan runs along the boundary
+      } while (h != start);
+      loops_.push_back(std::move(loop));
+    }
+  }
+
+  /// The point at a share of the way along the boundary from one of its points to another. Nothing where one is on no
+  /// boundary, or they are on different loops.
+  [[nodiscard]] std::optional<SurfacePoint> between(const SurfacePoint& from, const SurfacePoint& to,
+                                                    double share) const {
+    const auto a = locate(from), b = locate(to);
+    if (!a || !b || a->loop != b->loop) return std::nullopt;
+    const Loop& loop = loops_[at(a->loop)];
+    double way = b->along - a->along;
+    if (way <= 0) way += loop.length;
+    double along = a->along + share * way;
+    if (along >= loop.length) along -= loop.length;
+    const auto next = std::upper_bound(loop.begins.begin(), loop.begins.end(), along);
+    const auto k = static_cast<std::size_t>(next - loop.begins.begin()) - 1;
+    const Index h = loop.halfedges[k];
+    const double length = mesh_.edge_vector(h).norm();
+    const double t = length > 0 ? std::clamp((along - loop.begins[k]) / length, 0.0, 1.0) : 0.0;
+    SurfacePoint point{h / 3, Vector3::Zero()};
+    point.barycentric[h % 3] = 1 - t;
+    point.barycentric[(h % 3 + 1) % 3] = t;
+    return point;
+  }
+
+ private:
+  struct Loop {
+    std::vector<Index> halfedges;
+    std::vector<double> begins;
+    double length = 0;
+  };
+  struct Location {
+    Index loop;
+    double along;
+  };
+  static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+
+  [[nodiscard]] std::optional<Location> locate(const SurfacePoint& point) const {
+    for (int i = 0; i < 3; ++i) {  // a vertex, perhaps named by a face inside
+      if (point.barycentric[i] != 1) continue;
+      const Index h = mesh_.outgoing(mesh_.faces()(point.face, i));
+      if (mesh_.twin(h) != no_index) return std::nullopt;
+      const auto [loop, number] = place_[at(h)];
+      return Location{loop, loops_[at(loop)].begins[at(number)]};
+    }
+    for (int i = 0; i < 3; ++i) {
+      const Index h = 3 * point.face + i;
+      if (mesh_.twin(h) != no_index || point.barycentric[(i + 2) % 3] != 0) continue;
+      const auto [loop, number] = place_[at(h)];
+      return Location{
+          loop, loops_[at(loop)].begins[at(number)] + point.barycentric[(i + 1) % 3] * mesh_.edge_vector(h).norm()};
+    }
+    return std::nullopt;
+  }
+
+  const TriangleMesh<double>& mesh_;
+  std::vector<Loop> loops_;
+  std::vector<std::array<Index, 2>> place_;  // loop and number in it, of each half-edge
+};
+
+/// Splits polygons by the middles of their edges and their centres, and moves these onto the mesh.
+class SplitPlacer {
+ public:
+  /// \pre sources: one point of the mesh a position; positions of corners used by polygons are at their sources
+  SplitPlacer(const TriangleMesh<double>& mesh, const std::vector<Vector3>& positions,
+              const std::vector<SurfacePoint>& sources, const std::vector<SplitPolygon>& polygons)
+      : mesh_(mesh), loops_(mesh), tree_(mesh) {
+    split(positions, sources, polygons);
+    find_incident();
+  }
+
+  [[nodiscard]] Status run(Context& context) {
+    for (Index v = corners_; v < vertex_count(); ++v) {
+      if (v % 1024 == 0 && context.cancelled()) return cancelled_error("simplify");
+      find_goal(v);
+    }
+    approach();
+    for (int round = 0; round < 6; ++round) {
+      if (context.cancelled()) return cancelled_error("simplify");
+      bool moved = false;
+      for (Index v = corners_; v < vertex_count(); ++v) moved |= !vertices_[at(v)].there && settle(v);
+      if (!moved) break;
+    }
+    return {};
+  }
+
+  /// The quads, each vertex with its source; adds those that stayed beside the surface to the counts.
+  [[nodiscard]] QuadMesh result(Index& off_surface, double& largest_distance) {
+    QuadMesh quads;
+    quads.positions.resize(vertex_count(), 3);
+    quads.source.resize(vertices_.size());
+    for (Index v = 0; v < vertex_count(); ++v) {
+      Vertex& vertex = vertices_[at(v)];
+      if (!vertex.there) {
+        const SurfacePoint source = nearest(v, vertex.position);
+        const double distance = (quadrig::position(mesh_, source) - vertex.position).norm();
+        vertex.goal = source;
+        if (distance > 1e-9 * mesh_.diagonal()) {
+          ++off_surface;
+          largest_distance = std::max(largest_distance, distance);
+        } else {
+          try_place(v, source);
+        }
+      }
+      quads.source[at(v)] = vertex.goal;
+      quads.positions.row(v) = vertex.position.transpose();
+    }
+    quads.quads.resize(static_cast<Eigen::Index>(quads_.size()), 4);
+    for (std::size_t q = 0; q < quads_.size(); ++q)
+      for (std::size_t i = 0; i < 4; ++i)
+        quads.quads(static_cast<Eigen::Index>(q), static_cast<Eigen::Index>(i)) = quads_[q][i];
+    return quads;
+  }
+
+ private:
+  struct Vertex {
+    Vector3 position, flat;
+    Vector3 normal = Vector3::Zero();  // of the flat polygons around it
+    SurfacePoint goal;
+    bool there = false;                                                    // on the surface, at its goal
+    std::array<Index, 4> anchors{no_index, no_index, no_index, no_index};  // corners that it lies between
+    bool border = false;
+  };
+  static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+  [[nodiscard]] Index vertex_count() const { return static_cast<Index>(vertices_.size()); }
+
+  void split(const std::vector<Vector3>& positions, const std::vector<SurfacePoint>& sources,
+             const std::vector<SplitPolygon>& polygons) {
+    std::vector<Index> number(positions.size(), no_index);
+    for (const SplitPolygon& polygon : polygons)
+      for (std::size_t i = 0; i < polygon.size(); ++i) number[at(polygon.corner[i])] = 0;
+    for (std::size_t v = 0; v < number.size(); ++v) {
+      if (number[v] == no_index) continue;
+      number[v] = vertex_count();
+      Vertex vertex;
+      vertex.position = vertex.flat = positions[v];
+      vertex.goal = sources[v];
+      vertex.there = true;
+      vertices_.push_back(vertex);
+    }
+    corners_ = vertex_count();
+
+    struct Side {
+      Index low, high;
+      std::size_t polygon, side;
+    };
+    std::vector<Side> sides;
+    for (std::size_t p = 0; p < polygons.size(); ++p)
+      for (std::size_t i = 0; i < polygons[p].size(); ++i) {
+        const Index a = number[at(polygons[p].corner[i])];
+        const Index b = number[at(polygons[p].corner[(i + 1) % polygons[p].size()])];
+        sides.push_back({std::min(a, b), std::max(a, b), p, i});
+      }
+    std::sort(sides.begin(), sides.end(), [](const Side& a, const Side& b) {
+      return std::tie(a.low, a.high, a.polygon, a.side) < std::tie(b.low, b.high, b.polygon, b.side);
+    });
+    std::vector<std::array<Index, 4>> middle(polygons.size());
+    for (std::size_t s = 0; s < sides.size(); ++s) {
+      const bool inner = s + 1 < sides.size() && sides[s].low == sides[s + 1].low && sides[s].high == sides[s + 1].high;
+      const SplitPolygon& polygon = polygons[sides[s].polygon];
+      Vertex vertex;
+      vertex.border = !inner;
+      vertex.anchors[0] = number[at(polygon.corner[sides[s].side])];  // in the direction of the face
+      vertex.anchors[1] = number[at(polygon.corner[(sides[s].side + 1) % polygon.size()])];
+      vertex.flat = (vertices_[at(sides[s].low)].flat + vertices_[at(sides[s].high)].flat) / 2;
+      vertex.position = vertex.flat;
+      middle[sides[s].polygon][sides[s].side] = vertex_count();
+      if (inner) middle[sides[s + 1].polygon][sides[s + 1].side] = vertex_count();
+      vertices_.push_back(vertex);
+      s += inner;
+    }
+    for (std::size_t p = 0; p < polygons.size(); ++p) {
+      const std::size_t n = polygons[p].size();
+      Vertex vertex;
+      vertex.flat = Vector3::Zero();
+      for (std::size_t i = 0; i < n; ++i) {
+        vertex.anchors[i] = number[at(polygons[p].corner[i])];
+        vertex.flat += vertices_[at(vertex.anchors[i])].flat / static_cast<double>(n);
+      }
+      vertex.position = vertex.flat;
+      const Index center = vertex_count();
+      vertices_.push_back(vertex);
+      for (std::size_t i = 0; i < n; ++i)
+        quads_.push_back({vertices_[at(center)].anchors[i], middle[p][i], center, middle[p][(i + n - 1) % n]});
+    }
+    flat_normal_.resize(quads_.size());
+    least_.resize(quads_.size());
+    for (std::size_t q = 0; q < quads_.size(); ++q) {
+      flat_normal_[q] = normal(q).normalized();
+      for (const Index v : quads_[q]) vertices_[at(v)].normal += flat_normal_[q];
+      // What a quad must keep. Slivers are thin already where they lie flat.
+      least_[q] = std::min(0.1, 0.5 * jacobian(q));
+    }
+  }
+
+  void find_incident() {
+    starts_.assign(vertices_.size() + 1, 0);
+    for (const auto& quad : quads_)
+      for (const Index v : quad) ++starts_[at(v) + 1];
+    for (std::size_t v = 0; v < vertices_.size(); ++v) starts_[v + 1] += starts_[v];
+    incident_.resize(starts_.back());
+    std::vector<std::size_t> next(starts_.begin(), starts_.end() - 1);
+    for (std::size_t q = 0; q < quads_.size(); ++q)
+      for (const Index v : quads_[q]) incident_[next[at(v)]++] = q;
+  }
+
+  [[nodiscard]] Vector3 normal(std::size_t q) const {
+    const auto p = [&](std::size_t i) -> const Vector3& { return vertices_[at(quads_[q][i])].position; };
+    return (p(2) - p(0)).cross(p(3) - p(1));
+  }
+  [[nodiscard]] double jacobian(std::size_t q) const {
+    Points<double> points(4, 3);
+    for (std::size_t i = 0; i < 4; ++i)
+      points.row(static_cast<Eigen::Index>(i)) = vertices_[at(quads_[q][i])].position.transpose();
+    return scaled_jacobian(points, Eigen::Matrix<Index, 1, 4>(0, 1, 2, 3));
+  }
+  /// As good as it must be, and not turned over.
+  [[nodiscard]] bool valid(std::size_t q) const {
+    const Vector3 n = normal(q);
+    return n.dot(flat_normal_[q]) > 0.2 * n.norm() && jacobian(q) > 0 && jacobian(q) >= least_[q];
+  }
+  [[nodiscard]] bool valid_around(Index v) const {
+    for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k)
+      if (!valid(incident_[k])) return false;
+    return true;
+  }
+
+  /// The point of the surface near p that faces as v's polygons do: walked to from the corners that v lies between, so
+  /// that the far side of a thin part does not answer, or, where that ends far away, the closest that faces so.
+  [[nodiscard]] SurfacePoint nearest(Index v, const Vector3& p) const {
+    const Vertex& vertex = vertices_[at(v)];
+    SurfaceHit best;
+    bool best_faces = false;
+    double reach = 0;
+    for (const Index anchor : vertex.anchors) {
+      if (anchor == no_index) continue;
+      const SurfaceHit hit = walk_closest(mesh_, p, vertices_[at(anchor)].goal);
+      const bool faces = mesh_.normal(hit.face).dot(vertex.normal) > 0;
+      if (!best.found() || std::pair(!faces, hit.squared_distance) < std::pair(!best_faces, best.squared_distance)) {
+        best = hit;
+        best_faces = faces;
+      }
+      reach = std::max(reach, (vertices_[at(anchor)].position - p).norm());
+    }
+    ClosestFilter filter;
+    filter.normal = vertex.normal;
+    filter.minimum_cosine = 0.2;
+    filter.maximum_distance = best_faces ? std::sqrt(best.squared_distance) / 2 : reach;
+    if (const SurfaceHit hit = tree_.closest(p, filter); hit.found()) best = hit;
+    return best;
+  }
+
+  void find_goal(Index v) {
+    Vertex& vertex = vertices_[at(v)];
+    if (vertex.border)
+      if (const auto point = on_border(vertex, 0.5)) {
+        vertex.goal = *point;
+        return;
+      }
+    vertex.goal = nearest(v, vertex.flat);
+  }
+  [[nodiscard]] std::optional<SurfacePoint> on_border(const Vertex& vertex, double share) const {
+    return loops_.between(vertices_[at(vertex.anchors[0])].goal, vertices_[at(vertex.anchors[1])].goal, share);
+  }
+
+  /// All at once to their goals; what a quad cannot bear goes back step by step, at last to where it is flat.
+  void approach() {
+    constexpr std::array<double, 5> steps{1, 0.75, 0.5, 0.25, 0};
+    std::vector<std::size_t> level(vertices_.size(), 0);
+    const auto put = [&](Index v) {
+      Vertex& vertex = vertices_[at(v)];
+      const double t = steps[level[at(v)]];
+      vertex.there = t == 1;
+      vertex.position = vertex.flat + t * (quadrig::position(mesh_, vertex.goal) - vertex.flat);
+      if (t == 1) vertex.position = quadrig::position(mesh_, vertex.goal);
+      if (t == 0) vertex.position = vertex.flat;
+    };
+    for (Index v = corners_; v < vertex_count(); ++v) put(v);
+    std::vector<std::size_t> wrong;
+    do {
+      wrong.clear();
+      for (std::size_t q = 0; q < quads_.size(); ++q)
+        if (!valid(q)) wrong.push_back(q);
+      std::vector<Index> back;
+      for (const std::size_t q : wrong)
+        for (const Index v : quads_[q])
+          if (v >= corners_ && level[at(v)] + 1 < steps.size()) back.push_back(v);
+      std::sort(back.begin(), back.end());
+      back.erase(std::unique(back.begin(), back.end()), back.end());
+      if (back.empty()) break;  // nothing wrong, or flat already
+      for (const Index v : back) {
+        ++level[at(v)];
+        put(v);
+      }
+    } while (true);
+  }
+
+  bool try_place(Index v, const SurfacePoint& point) {
+    Vertex& vertex = vertices_[at(v)];
+    const Vector3 before = vertex.position;
+    vertex.position = quadrig::position(mesh_, point);
+    if (!valid_around(v)) {
+      vertex.position = before;
+      return false;
+    }
+    vertex.goal = point;
+    vertex.there = true;
+    return true;
+  }
+
+  /// Looks for a place on the surface for a vertex that is beside it: its goal, then around where it is now.
+  bool settle(Index v) {
+    const Vertex& vertex = vertices_[at(v)];
+    if (try_place(v, vertex.goal)) return true;
+    if (vertex.border) {
+      for (const double share : {0.4, 0.6, 0.3, 0.7, 0.2, 0.8, 0.1, 0.9})
+        if (const auto point = on_border(vertex, share); point && try_place(v, *point)) return true;
+      if (on_border(vertex, 0.5)) return false;
+    }
+    const Vector3 here = vertex.position;
+    if (try_place(v, nearest(v, here))) return true;
+    double reach = 0;
+    for (const Index anchor : vertex.anchors)
+      if (anchor != no_index) reach = std::max(reach, (vertices_[at(anchor)].position - here).norm());
+    if (!(vertex.normal.norm() > 0)) return false;
+    const Vector3 x = vertex.normal.unitOrthogonal(), y = vertex.normal.normalized().cross(x);
+    for (const double radius : {0.15, 0.3, 0.5})
+      for (int k = 0; k < 8; ++k) {
+        const double angle = k * 0.78539816339744831;
+        const Vector3 p = here + radius * reach * (std::cos(angle) * x + std::sin(angle) * y);
+        if (try_place(v, nearest(v, p))) return true;
+      }
+    return false;
+  }
+
+  const TriangleMesh<double>& mesh_;
+  BoundaryLoops loops_;
+  ClosestPoint tree_;
+  std::vector<Vertex> vertices_;  // corners first
+  Index corners_ = 0;
+  std::vector<std::array<Index, 4>> quads_;
+  std::vector<Vector3> flat_normal_;
+  std::vector<double> least_;
+  std::vector<std::size_t> starts_, incident_;
+};
+
+}  // namespace quadrig::detail

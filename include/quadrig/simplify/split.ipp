@@ -1,0 +1,94 @@
+// The way from a surface to split quads: refine, simplify, pair, split, place.
+#pragma once
+
+#include "quadrig/simplify.hpp"
+#include "quadrig/simplify/decimate.hpp"
+#include "quadrig/simplify/pair.hpp"
+#include "quadrig/simplify/place.hpp"
+
+namespace quadrig {
+
+QUADRIG_INLINE Status SplitOptions::validate() const {
+  const auto bad = [](const char* field, const char* remedy) {
+    return Error{ErrorCode::bad_option, std::string(field) + " is out of range", "SplitOptions", remedy};
+  };
+  if (quads < 1) return bad("quads", "ask for 1 or more");
+  if (!(uniformity >= 0) || !std::isfinite(uniformity)) return bad("uniformity", "give 0 or more");
+  if (!(pair_quality > 0 && pair_quality < 1)) return bad("pair_quality", "give a number between 0 and 1");
+  return {};
+}
+
+QUADRIG_INLINE Expected<SplitQuads> split_quads(const TriangleMesh<double>& mesh, const SplitOptions& options,
+                                                Context& context) {
+  const Stopwatch watch;
+  if (Status status = options.validate(); !status) return status.error();
+  if (mesh.face_count() == 0) return Error{ErrorCode::bad_input, "the mesh has no faces", "simplify", "give a surface"};
+
+  // Most triangles find a partner, so a triangle gives little more than two quads.
+  const auto count_wanted = static_cast<double>(options.quads);
+  const auto faces_wanted = static_cast<Index>(std::ceil(count_wanted / 2.15));
+  // Collapses choose among the vertices that are there: about five times as many triangles as wanted give a choice.
+  double length = 0.6 * std::sqrt(4 / std::sqrt(3.0) * mesh.total_area() / faces_wanted);
+  std::optional<Refinement> refined;
+  for (int attempt = 0; attempt < 8 && length > 0 && std::isfinite(length); ++attempt) {
+    Expected<Refinement> finer = refine(
+        mesh, [&](Index) { return length; }, options.refine, context);
+    if (!finer) {
+      if (finer.error().code == ErrorCode::cancelled) return finer.error();
+      if (refined) break;
+      length *= 2;  // long needles: too many pieces
+      continue;
+    }
+    refined = std::move(*finer);
+    if (refined->mesh.face_count() >= 3 * std::int64_t{faces_wanted}) break;
+    length /= 1.6;
+  }
+  const TriangleMesh<double>& fine = refined ? refined->mesh : mesh;
+
+  std::vector<Vector3> positions(static_cast<std::size_t>(fine.vertex_count()));
+  std::vector<SurfacePoint> sources(positions.size());
+  for (Index corner = 3 * fine.face_count() - 1; corner >= 0; --corner) {
+    const auto v = static_cast<std::size_t>(fine.origin(corner));
+    if (refined)
+      sources[v] = refined->source[v];
+    else
+      sources[v] = {corner / 3, Vector3::Unit(corner % 3)};
+    positions[v] = position(mesh, sources[v]);
+  }
+
+  SplitQuads result;
+  SplitReport& report = result.report;
+  report.refined_faces = fine.face_count();
+  context.progress("simplify", 0.1);
+  detail::Decimator decimator(fine, options.uniformity);
+  if (Status status = decimator.reduce(faces_wanted, context); !status) return status.error();
+  context.progress("simplify", 0.6);
+
+  detail::Pairing pairing(positions, decimator.faces(), options.pair_quality);
+  for (int attempt = 0; attempt < 8 && pairing.quad_count() > options.quads; ++attempt) {
+    const Index before = decimator.face_count();
+    const auto fewer = static_cast<Index>(before * (count_wanted / pairing.quad_count()));
+    if (Status status = decimator.reduce(std::min(fewer, before - 1), context); !status) return status.error();
+    if (decimator.face_count() == before) break;
+    pairing = detail::Pairing(positions, decimator.faces(), options.pair_quality);
+  }
+  pairing.part(options.quads);
+  report.triangles = decimator.face_count();
+  report.pairs = pairing.pair_count();
+  if (pairing.quad_count() > 1.05 * count_wanted) report.minimum_count = pairing.quad_count();
+  context.progress("simplify", 0.7);
+
+  detail::SplitPlacer placer(mesh, positions, sources, pairing.polygons());
+  if (Status status = placer.run(context); !status) return status.error();
+  result.mesh = placer.result(report.off_surface, report.largest_distance);
+  report.least_jacobian = 1;
+  for (Index q = 0; q < result.mesh.quad_count(); ++q) {
+    const double j = scaled_jacobian(result.mesh.positions, result.mesh.quads.row(q));
+    report.least_jacobian = std::min(report.least_jacobian, j);
+    report.average_jacobian += j / result.mesh.quad_count();
+  }
+  report.seconds = watch.seconds();
+  return result;
+}
+
+}  // namespace quadrig
