@@ -1,0 +1,44 @@
+// The whole way from an asset to quads, with the seconds of each stage as counters.
+#include "bench.hpp"
+#include "quadrig/pipeline.hpp"
+
+namespace {
+
+using namespace quadrig;
+
+void run(benchmark::State& state, const std::string& mesh, Index faces, Index quads) {
+  const Asset& asset = bench::sample(mesh, faces);
+  RemeshOptions options;
+  options.quads = quads;
+  StageSeconds seconds;
+  for (auto _ : state) {
+    Context context;
+    const auto result = remesh(asset, options, context);
+    if (!result) return state.SkipWithError(result.error().message().c_str());
+    if (!result->report.valid) return state.SkipWithError("the result is not valid");
+    seconds = result->report.seconds;
+    state.counters["quads"] = result->report.quads;
+  }
+  state.counters["s_metric"] = seconds.metric;
+  state.counters["s_field"] = seconds.field;
+  state.counters["s_map"] = seconds.map;
+  state.counters["s_integers"] = seconds.integers;
+  state.counters["s_extraction"] = seconds.extraction;
+  state.counters["s_polish"] = seconds.polish;
+  state.counters["s_transfer"] = seconds.transfer;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  for (const std::string mesh : {"humanoid", "box_torus", "pear", "wing"})
+    for (const Index quads : {2'000, 8'000})
+      benchmark::RegisterBenchmark(bench::run_name("remesh_" + std::to_string(quads), "eigen", mesh, 20'000).c_str(),
+                                   [=](benchmark::State& state) { run(state, mesh, 20'000, quads); })
+          ->Unit(benchmark::kMillisecond)
+          ->UseRealTime()
+          ->MeasureProcessCPUTime();
+  benchmark::Initialize(&argc, argv);
+  if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
+  benchmark::RunSpecifiedBenchmarks();
+}
