@@ -26,7 +26,7 @@ struct FieldOptions {
 
   /// How far targets are carried and below which singularities merge: a fraction, in (0, 1], of the square root of
   /// the area of each component. Default 0.01, static 0.05.
-  std::optional<double> smoothing_length;
+  std::optional<double> smoothing_length{};
   /// Length of a quad's edge, or 0: smoothing and merging lengths are at least `merge_quads` of it, so that
   /// singularities closer than a quad merge.
   double quad_edge = 0;
@@ -37,31 +37,31 @@ struct FieldOptions {
   double merge_length = 0.03;
 
   /// How much bones pull, and principal curvature; ≥ 0. Without a rig there are no bones to pull.
-  std::optional<double> bone_weight;
-  std::optional<double> curvature_weight;
+  std::optional<double> bone_weight{};
+  std::optional<double> curvature_weight{};
   /// Curvature is averaged over this fraction of the square root of the area of its component, > 0.
   double curvature_length = 0.015;
 
   /// Targets of the caller's own, added to the preset's: one entry a face.
-  std::optional<PolyVectorTargets> targets;
+  std::optional<PolyVectorTargets> targets{};
   /// Faces whose cross is given.
-  std::vector<FixedDirection> fixed;
+  std::vector<FixedDirection> fixed{};
   /// The cross follows the border on every face beside it.
   bool follow_boundary = true;
   /// The cross follows creases on both sides: edges that bend more than this, radians, in runs at least as long as
   /// `crease_length` times the square root of the component's area. π: none. Default π, static 0.7 (40°); where more
   /// than a fifth of the faces lie beside such edges the surface is coarse or rough, not creased, and none are held.
-  std::optional<double> crease_angle_radians;
+  std::optional<double> crease_angle_radians{};
   double crease_length = 0.5;
   /// Further terms in x0 and in x1, one unknown a face.
-  std::vector<AnyTerm<Complex>> own_terms_x0, own_terms_x1;
+  std::vector<AnyTerm<Complex>> own_terms_x0{}, own_terms_x1{};
 
   /// Densities: off, |u| = |v| = 1; on, the densities that bones ask for where two of them meet, clamped to [1, 4].
   bool bone_density = false;
 
-  FrameLimits limits;
+  FrameLimits limits{};
   std::string solver{default_solver_name};
-  SolverFactory<Complex> own_solver;  ///< in the place of `solver` where set
+  SolverFactory<Complex> own_solver{};  ///< in the place of `solver` where set
 
   /// \fails bad_option, naming the field
   [[nodiscard]] Status validate(Index faces) const;

@@ -154,6 +154,13 @@ QUADRIG_INLINE Expected<FieldResult> design_thesis_field(const FieldProblem& pro
     targets.weight[f] *= area;
     orthogonality[f] = beta[f] * area;
   }
+  const Components components = face_components(mesh);
+  std::vector<double> pull(static_cast<std::size_t>(components.count), 0.0);
+  for (std::size_t f = 0; f < m; ++f) pull[static_cast<std::size_t>(components.of_face[f])] += targets.weight[f];
+  for (std::size_t f = 0; f < m; ++f)
+    if (!(pull[static_cast<std::size_t>(components.of_face[f])] > 0))
+      return Error{ErrorCode::numeric, "no bone pulls this component: the exact energy has no field for it",
+                   "field, component of face " + std::to_string(f), "use the default preset"};
   for (Index h = 0; h < mesh.halfedge_count(); ++h) {
     if (mesh.twin(h) == no_index) continue;
     const auto f = static_cast<std::size_t>(h / 3), g = static_cast<std::size_t>(mesh.twin(h) / 3);

@@ -21,9 +21,9 @@ struct PowerFieldOptions {
   int n = 4;  ///< 1, 2, 4 or 6 in practice; any n ≥ 1
   /// How far a target reaches, as a fraction of the square root of the area of its component, > 0.
   double smoothing_length = 0.02;
-  std::vector<FixedDirection> fixed;       ///< faces whose direction is given: any one of the n
-  std::vector<Complex> target_directions;  ///< one a face or none: a direction to be near to; 0 for no target
-  std::vector<double> target_weights;      ///< one a face or none, ≥ 0; none: 1 where there is a direction
+  std::vector<FixedDirection> fixed{};       ///< faces whose direction is given: any one of the n
+  std::vector<Complex> target_directions{};  ///< one a face or none: a direction to be near to; 0 for no target
+  std::vector<double> target_weights{};      ///< one a face or none, ≥ 0; none: 1 where there is a direction
   std::string solver{default_solver_name};
 
   /// \fails bad_option, naming the field
