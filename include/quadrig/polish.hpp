@@ -7,7 +7,7 @@
 namespace quadrig {
 
 struct PolishOptions {
-  int rounds = 20;
+  int rounds = 8;
   double accepted = 0.6;  ///< a move may not push a scaled Jacobian below this, or below what it was
   double wanted = 0.5;    ///< vertices of quads below this are also searched for a better place
 };

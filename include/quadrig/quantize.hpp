@@ -8,7 +8,7 @@ namespace quadrig {
 struct QuantizeOptions {
   double target_quads = 2000;
   double tolerance = 0.05;  ///< of the count
-  int rounds = 4;           ///< rescalings towards the count
+  int rounds = 6;           ///< rescalings towards the count; the closest is kept
 };
 
 /// Integer edge vectors on a coarse map: opposite-consistent, closed over every triangle, positively oriented.
@@ -389,7 +389,7 @@ class Quantizer {
     const double miss = std::abs(result.quads / options.target_quads - 1);
     const double quads = result.quads;
     if (!best || miss < std::abs(best->quads / options.target_quads - 1)) best = std::move(result);
-    if (miss < options.tolerance) break;
+    if (miss < options.tolerance / 4) break;
     scale *= std::sqrt(options.target_quads / quads);
   }
   return *best;

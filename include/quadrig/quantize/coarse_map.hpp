@@ -47,9 +47,9 @@ class ExpressionPool {
 };
 
 /// The mesh that is being decimated.
-class Decimator {
+class MapDecimator {
  public:
-  Decimator(const TriangleMesh<double>& mesh, const CutGraph& cut, const std::vector<Index>& index,
+  MapDecimator(const TriangleMesh<double>& mesh, const CutGraph& cut, const std::vector<Index>& index,
             const std::vector<Aligned>& aligned, const std::vector<Complex>& z)
       : mesh_(mesh), face_count_(mesh.face_count()) {
     const Index half_edges = mesh.halfedge_count(), n = mesh.vertex_count();
@@ -550,7 +550,7 @@ class Decimator {
 [[nodiscard]] inline CoarseMap decimate_map(const TriangleMesh<double>& mesh, const CutGraph& cut,
                                             const std::vector<Index>& index, const std::vector<Aligned>& aligned,
                                             const std::vector<Complex>& z) {
-  return detail::Decimator(mesh, cut, index, aligned, z).run(mesh.vertex_count());
+  return detail::MapDecimator(mesh, cut, index, aligned, z).run(mesh.vertex_count());
 }
 
 }  // namespace quadrig

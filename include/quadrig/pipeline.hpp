@@ -1,0 +1,95 @@
+// The whole way: a rigged triangle mesh in, quads that follow the rig out, with a report of every stage.
+#pragma once
+
+#include "quadrig/asset.hpp"
+#include "quadrig/field.hpp"
+#include "quadrig/polish.hpp"
+#include "quadrig/sizing.hpp"
+#include "quadrig/transfer.hpp"
+
+namespace quadrig {
+
+/// Where the directions of the quads come from, beside smoothness.
+struct DirectionOptions {
+  std::optional<double> bones;      ///< pull of the bones; unset: the preset's
+  std::optional<double> curvature;  ///< pull of the rest curvature; unset: the preset's
+  double posed = 0;                 ///< pull of the posed curvature metric
+};
+
+struct RemeshOptions {
+  Index quads = 2000;  ///< wanted; see RemeshReport::minimum_count for surfaces that need more
+  FieldPreset preset = FieldPreset::standard;
+  DirectionOptions directions;
+  /// Unset: the preset's (docs/sizing.md).
+  std::optional<SizingOptions> sizing;
+  /// Poses the metric is built from, and their weights (empty: 1 each). No poses: every bone bent by ±`bend_degrees`
+  /// about two axes.
+  std::vector<Pose> poses;
+  std::vector<double> pose_weights;
+  double bend_degrees = 60;
+  double count_tolerance = 0.05;
+  Index influences = 4;  ///< most skin weights a vertex of the quads keeps
+  /// Edges that bend more than this become edges of quads, radians; π: none.
+  double crease_angle_radians = 3.14159265358979323846;
+  PolishOptions polish;
+  std::string solver{default_solver_name};
+
+  /// \fails bad_option, naming the field
+  [[nodiscard]] Status validate() const;
+};
+
+/// How the quads of one component were made; every rung gives a valid mesh, the first that does is taken.
+enum class Rung : std::uint8_t {
+  fine_map,    ///< extracted from the integer-grid map of the whole surface
+  coarse_map,  ///< extracted from the quantized coarse map, placed by straight lines of the seamless map
+  split,       ///< no valid map: the simplified surface, every polygon split into quads
+};
+[[nodiscard]] constexpr std::string_view rung_name(Rung rung) {
+  constexpr std::array<std::string_view, 3> names{"fine-map", "coarse-map", "split"};
+  return names[static_cast<std::size_t>(rung)];
+}
+
+struct ComponentReport {
+  Index faces = 0;       ///< of the input component
+  double asked = 0;      ///< its share of the count
+  Index quads = 0, irregular = 0;
+  Index singularities = 0;
+  Rung rung = Rung::fine_map;
+  std::vector<std::string> reasons;  ///< why earlier rungs and attempts were left
+};
+
+struct StageSeconds {
+  double metric = 0, field = 0, map = 0, integers = 0, extraction = 0, polish = 0, transfer = 0, total = 0;
+};
+
+struct RemeshReport {
+  bool valid = false;
+  Index quads = 0, vertices = 0, irregular = 0;
+  double scaled_jacobian_average = 0, scaled_jacobian_minimum = 0;
+  /// Smallest count that this surface could be given, where it is more than what was asked for; else 0.
+  Index minimum_count = 0;
+  std::vector<ComponentReport> components;
+  StageSeconds seconds;  ///< summed over components, which may run side by side; `total` is the wall clock
+  std::vector<Warning> warnings;
+  FieldReport field;  ///< of the largest component
+};
+
+struct RemeshResult {
+  QuadMesh mesh;                        ///< `source` refers to the asset's mesh
+  std::optional<SkinWeights> weights;   ///< one row a vertex of `mesh`, where the asset has a rig
+  RemeshReport report;
+};
+
+/// Remeshes an asset that `prepare` let through. Components are remeshed apart, each with its share of the count.
+/// The result is the same bits for any number of threads.
+/// \fails bad_option; bad_input where the rig does not fit; stage_failed, naming the component and the stage, where no
+///   rung gives valid quads; cancelled.
+[[nodiscard]] QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOptions& options,
+                                                           Context& context);
+
+}  // namespace quadrig
+
+#if !defined(QUADRIG_COMPILED)
+#include "quadrig/pipeline/component.ipp"
+#include "quadrig/pipeline/remesh.ipp"
+#endif

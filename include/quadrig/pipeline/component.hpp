@@ -1,0 +1,33 @@
+// One connected component through the map: the ladder of attempts that ends at the first valid mesh.
+#pragma once
+
+#include "quadrig/pipeline.hpp"
+#include "quadrig/prepare.hpp"
+
+namespace quadrig::detail {
+
+/// What all components of an asset share.
+struct RemeshShared {
+  const Asset& asset;
+  const Connection<double>& connection;
+  const RemeshOptions& options;
+  const SizingOptions& sizing;
+  const SizeField* sizes = nullptr;      ///< null: the field's own magnitudes
+  const PosedMetric* metric = nullptr;   ///< null: no posed directions
+};
+
+struct ComponentResult {
+  QuadMesh mesh;  ///< `source` refers to the asset's mesh
+  ComponentReport report;
+  StageSeconds seconds;
+  FieldReport field;
+  std::vector<Warning> warnings;
+};
+
+/// \param faces the component's faces in the asset's mesh, ascending
+/// \param quads its share of the count
+[[nodiscard]] QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& shared,
+                                                                        std::span<const Index> faces, double quads,
+                                                                        const Context& context);
+
+}  // namespace quadrig::detail

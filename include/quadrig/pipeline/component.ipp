@@ -1,0 +1,250 @@
+#pragma once
+
+#include "quadrig/pipeline/component.hpp"
+#include "quadrig/pipeline/map_stage.hpp"
+#include "quadrig/prepare/split_edges.hpp"
+#include "quadrig/simplify.hpp"
+
+namespace quadrig::detail {
+
+/// A component as an asset of its own, refined where the map needs it; `parent` is the asset's face of each face.
+struct Piece {
+  Asset asset;
+  std::vector<Index> parent;
+};
+
+inline Piece make_piece(const Asset& asset, std::span<const Index> faces) {
+  Piece piece;
+  std::vector<Index> number(at(asset.mesh.vertex_count()), no_index), vertices;
+  Triangles triangles(static_cast<Eigen::Index>(faces.size()), 3);
+  for (std::size_t f = 0; f < faces.size(); ++f)
+    for (int i = 0; i < 3; ++i) {
+      const Index v = asset.mesh.faces()(faces[f], i);
+      if (number[at(v)] == no_index) {
+        number[at(v)] = static_cast<Index>(vertices.size());
+        vertices.push_back(v);
+      }
+      triangles(static_cast<Eigen::Index>(f), i) = number[at(v)];
+    }
+  Points<double> positions(static_cast<Eigen::Index>(vertices.size()), 3);
+  for (std::size_t v = 0; v < vertices.size(); ++v)
+    positions.row(static_cast<Eigen::Index>(v)) = asset.mesh.positions().row(vertices[v]);
+  Expected<TriangleMesh<double>> mesh = TriangleMesh<double>::create(std::move(positions), std::move(triangles));
+  assert(mesh);
+  piece.asset.mesh = std::move(*mesh);
+  piece.parent.assign(faces.begin(), faces.end());
+  if (asset.rig) {
+    piece.asset.rig = Rig{asset.rig->skeleton, SkinWeights(static_cast<Index>(vertices.size()), asset.rig->weights.cols()), {}};
+    std::vector<Eigen::Triplet<double, Index>> entries;
+    for (std::size_t v = 0; v < vertices.size(); ++v)
+      for (SkinWeights::InnerIterator it(asset.rig->weights, vertices[v]); it; ++it)
+        entries.emplace_back(static_cast<Index>(v), static_cast<Index>(it.col()), it.value());
+    piece.asset.rig->weights.setFromTriplets(entries.begin(), entries.end());
+  }
+  return piece;
+}
+
+inline void replace_mesh(Piece& piece, Refinement&& finer) {
+  if (piece.asset.rig)
+    piece.asset.rig->weights = interpolate(piece.asset.mesh, piece.asset.rig->weights, finer.source);
+  for (Index& f : finer.source_face) f = piece.parent[at(f)];
+  piece.parent = std::move(finer.source_face);
+  piece.asset.mesh = std::move(finer.mesh);
+}
+
+/// No edge inside joins two vertices of the border: a map would have to flatten a triangle there.
+inline void free_border(Piece& piece) {
+  const TriangleMesh<double>& mesh = piece.asset.mesh;
+  if (mesh.closed()) return;
+  std::vector<char> marked(at(mesh.halfedge_count()), 0);
+  bool any = false;
+  for (Index h = 0; h < mesh.halfedge_count(); ++h)
+    if (mesh.twin(h) != no_index && mesh.on_boundary(mesh.origin(h)) && mesh.on_boundary(mesh.target(h)))
+      marked[at(h)] = 1, any = true;
+  if (mesh.face_count() == 1) {
+    // A lone triangle has no edge inside: cut all three, and the inner face keeps the border apart.
+    std::fill(marked.begin(), marked.end(), char{1});
+    any = true;
+  }
+  if (!any) return;
+  replace_mesh(piece, split_edges(mesh, marked));
+}
+
+/// Edge lengths at most `target`.
+inline Status refine_piece(Piece& piece, double target, Context& context) {
+  const TriangleMesh<double>& mesh = piece.asset.mesh;
+  bool needed = false;
+  for (Index h = 0; h < mesh.halfedge_count() && !needed; ++h) needed = mesh.edge_vector(h).norm() > target;
+  if (!needed) return {};
+  const auto length = [&](Index) { return target; };
+  RefineOptions options;
+  options.max_faces = std::max<Index>(4 * mesh.face_count(), 2'000'000);
+  Expected<Refinement> finer = refine(mesh, length, options, context);
+  if (!finer) return finer.error();
+  replace_mesh(piece, std::move(*finer));
+  return {};
+}
+
+/// Barycentric coordinates of a point in the plane of a face, clamped into it.
+inline SurfacePoint point_in_face(const TriangleMesh<double>& mesh, Index face, const Vector3& p) {
+  const Vector3 a = mesh.position(mesh.faces()(face, 0)), b = mesh.position(mesh.faces()(face, 1)),
+                c = mesh.position(mesh.faces()(face, 2));
+  const SurfaceHit hit = closest_on_triangle(p, a, b, c);
+  return {face, hit.barycentric};
+}
+
+/// Which parameter is constant along the edges of the border and of creases that the field follows.
+inline std::vector<Aligned> alignment(const TriangleMesh<double>& mesh, const Connection<double>& connection,
+                                      const CutGraph& cut, const FrameField& frames, double crease_radians, bool& any) {
+  std::vector<Aligned> aligned(at(mesh.halfedge_count()), Aligned::none);
+  any = false;
+  const auto label = [&](Index h, double& deviation) {
+    const auto f = at(h / 3);
+    const std::array<Complex, 4> d{frames.u[f], frames.v[f], -frames.u[f], -frames.v[f]};
+    const auto turn = static_cast<std::size_t>(cut.combing[f]);
+    const Complex e = connection.edge(h);
+    const double along_u = std::abs((e * std::conj(d[turn])).real()) / std::abs(d[turn]);
+    const double along_v = std::abs((e * std::conj(d[(turn + 1) % 4])).real()) / std::abs(d[(turn + 1) % 4]);
+    deviation = std::acos(std::min(1.0, std::max(along_u, along_v)));
+    return along_u >= along_v ? Aligned::v_constant : Aligned::u_constant;
+  };
+  for (Index h = 0; h < mesh.halfedge_count(); ++h) {
+    double here = 0, there = 0;
+    if (mesh.twin(h) == no_index) {
+      aligned[at(h)] = label(h, here);
+      any = true;
+    } else if (crease_radians < 3.14 && dihedral_angle(mesh, h) > crease_radians) {
+      const Aligned mine = label(h, here);
+      (void)label(mesh.twin(h), there);
+      if (here > 0.05 || there > 0.05) continue;
+      aligned[at(h)] = mine;
+      any = true;
+    }
+  }
+  return aligned;
+}
+
+QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& shared, std::span<const Index> faces,
+                                                          double quads, const Context& outer) {
+  const RemeshOptions& options = shared.options;
+  Context context = outer;
+  context.warnings.clear();
+  ComponentResult result;
+  result.report.faces = static_cast<Index>(faces.size());
+  result.report.asked = quads;
+
+  const Piece original = make_piece(shared.asset, faces);
+  const double area = original.asset.mesh.total_area();
+  const double edge = std::sqrt(area / quads);
+  const auto finish = [&](const TriangleMesh<double>& mesh, std::span<const Index> parent, QuadMesh quad_mesh) {
+    for (Index v = 0; v < quad_mesh.vertex_count(); ++v) {
+      SurfacePoint& s = quad_mesh.source[at(v)];
+      const Vector3 p = position(mesh, s);
+      s = point_in_face(shared.asset.mesh, parent[at(s.face)], p);
+      quad_mesh.positions.row(v) = position(shared.asset.mesh, s).transpose();
+    }
+    result.report.quads = quad_mesh.quad_count();
+    result.report.irregular = quad_topology(quad_mesh.quads, quad_mesh.vertex_count()).irregular;
+    result.mesh = std::move(quad_mesh);
+    result.warnings = std::move(context.warnings);
+  };
+
+  struct Attempt {
+    double smoothing;       // singularities closer than this many quads merge
+    double longest_edge;    // of the triangles, in quad edges
+    bool creases;
+  };
+  static constexpr std::array<Attempt, 5> attempts{
+      {{1, 1.5, true}, {2, 1.0, true}, {4, 0.7, false}, {8, 0.5, false}, {16, 0.35, false}}};
+  for (const Attempt& attempt : attempts) {
+    if (context.cancelled()) return cancelled_error("remesh");
+    const auto leave = [&](const std::string& reason) {
+      result.report.reasons.push_back("smoothing over " + std::to_string(static_cast<int>(attempt.smoothing)) +
+                                      " quads: " + reason);
+    };
+    Piece piece = original;
+    if (Status status = refine_piece(piece, attempt.longest_edge * edge, context); !status.ok()) {
+      leave(status.error().message());
+      continue;
+    }
+    free_border(piece);
+    const TriangleMesh<double>& mesh = piece.asset.mesh;
+    const Connection<double> connection(mesh);
+
+    FieldOptions field_options;
+    field_options.preset = options.preset;
+    field_options.quad_edge = edge;
+    field_options.merge_quads = attempt.smoothing;
+    field_options.solver = options.solver;
+    field_options.bone_weight = options.directions.bones;
+    field_options.curvature_weight = options.directions.curvature;
+    field_options.bone_density = shared.sizing.density == DensitySource::field;
+    const double crease = attempt.creases ? options.crease_angle_radians : 3.14159265358979323846;
+    field_options.crease_angle_radians = crease;
+    if (shared.metric && options.directions.posed > 0) {
+      PolyVectorTargets targets = PolyVectorTargets::none(mesh.face_count());
+      for (Index f = 0; f < mesh.face_count(); ++f) {
+        const auto p = at(piece.parent[at(f)]);
+        const Complex d = connection.to_complex(
+            f, shared.connection.to_vector(piece.parent[at(f)], shared.metric->direction[p]));
+        targets.x0[at(f)] = -integer_power(d / std::abs(d), 4);
+        targets.weight[at(f)] = options.directions.posed * shared.metric->alignment[p];
+      }
+      field_options.targets = std::move(targets);
+    }
+    Expected<FieldResult> field = design_field(piece.asset, connection, field_options, context);
+    if (!field) {
+      if (field.error().code == ErrorCode::cancelled || field.error().code == ErrorCode::bad_option) return field.error();
+      leave("field: " + field.error().message());
+      continue;
+    }
+    result.seconds.field += field->report.seconds;
+    const std::vector<Index>& index = field->singularities.index4;
+    Index extreme = 0;
+    for (Index v = 0; v < mesh.vertex_count(); ++v)
+      extreme += index[at(v)] > 1 || index[at(v)] < (mesh.on_boundary(v) ? -2 : -3);
+    if (extreme > 0) {
+      leave("field: " + count_of(extreme, "vertex of valence below 3 or above 7"));
+      continue;
+    }
+    if (shared.sizes) {
+      if (Status status = apply_sizes(mesh, connection, *shared.sizes, shared.connection, piece.parent, quads, area,
+                                      field->matching, field->frames, context);
+          !status.ok()) {
+        leave("sizes: " + status.error().message());
+        continue;
+      }
+    }
+
+    std::vector<std::int8_t> rotation(at(mesh.halfedge_count()));
+    for (std::size_t h = 0; h < rotation.size(); ++h) rotation[h] = static_cast<std::int8_t>(field->matching.r[h] & 3);
+    const CutGraph cut = make_cut_graph(mesh, rotation, index);
+    bool pinned = false;
+    const std::vector<Aligned> aligned = alignment(mesh, connection, cut, field->frames, crease, pinned);
+    const TargetEdges target = target_edges(mesh, connection, cut, field->frames.u, field->frames.v);
+    const MapInput input{mesh, connection, cut, index, aligned, target, quads};
+    Expected<MapOutput> mapped = pinned ? map_stage<double>(input, options, result.seconds, context)
+                                        : map_stage<Complex>(input, options, result.seconds, context);
+    if (!mapped) {
+      if (mapped.error().code == ErrorCode::cancelled) return mapped.error();
+      leave(mapped.error().what);
+      continue;
+    }
+    for (const std::string& reason : mapped->reasons) leave(reason);
+    result.report.rung = mapped->rung;
+    result.report.singularities = field->report.singularities_plus + field->report.singularities_minus;
+    result.field = std::move(field->report);
+    finish(mesh, piece.parent, std::move(mapped->quads));
+    return result;
+  }
+
+  SplitOptions split_options;
+  split_options.quads = std::max<Index>(1, static_cast<Index>(std::lround(quads)));
+  Expected<SplitQuads> split = split_quads(original.asset.mesh, split_options, context);
+  if (!split) return split.error();
+  result.report.rung = Rung::split;
+  finish(original.asset.mesh, original.parent, std::move(split->mesh));
+  return result;
+}
+
+}  // namespace quadrig::detail

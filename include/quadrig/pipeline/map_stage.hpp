@@ -1,0 +1,198 @@
+// From a field with sizes to quads on one component: seamless map, integers, fine map, extraction, polish.
+#pragma once
+
+#include "quadrig/pipeline.hpp"
+#include "quadrig/quads/place.hpp"
+#include "quadrig/quads/topology.hpp"
+#include "quadrig/quads/grid_map.hpp"
+#include "quadrig/seamless/target.hpp"
+
+namespace quadrig::detail {
+
+/// What the map of one component starts from.
+struct MapInput {
+  const TriangleMesh<double>& mesh;
+  const Connection<double>& connection;
+  const CutGraph& cut;
+  const std::vector<Index>& index;
+  const std::vector<Aligned>& aligned;
+  const TargetEdges& target;
+  double quads = 0;
+};
+
+struct MapOutput {
+  QuadMesh quads;
+  Rung rung = Rung::fine_map;
+  std::vector<std::string> reasons;
+};
+
+inline Error map_error(std::string what) {
+  return {ErrorCode::stage_failed, std::move(what), "seamless map", "ask for more quads or a smoother field"};
+}
+
+inline double map_area(const std::vector<Complex>& z) {
+  double area = 0;
+  for (std::size_t h = 0; h + 2 < z.size(); h += 3) area += cross(z[h + 1] - z[h], z[h + 2] - z[h]) / 2;
+  return area;
+}
+
+inline std::string count_of(Index n, const char* what) {
+  return std::to_string(n) + " " + what + (n == 1 ? "" : "s");
+}
+
+/// Quads with their places, or the first reason why they are not a mesh like the surface.
+[[nodiscard]] inline Expected<QuadMesh> placed_quads(const TriangleMesh<double>& mesh, ExtractedQuads extracted,
+                                                     function_ref<SurfacePoint(const SurfacePoint&)> place,
+                                                     Index euler, Index loops) {
+  const QuadTopology topology = quad_topology(extracted.quads, static_cast<Index>(extracted.vertices.size()));
+  if (!topology.defect.empty()) return map_error(topology.defect);
+  if (topology.euler != euler || topology.boundary_loops != loops)
+    return map_error("the quads have another topology than the surface");
+  QuadMesh quads;
+  quads.quads = std::move(extracted.quads);
+  quads.source = std::move(extracted.vertices);
+  quads.positions.resize(static_cast<Eigen::Index>(quads.source.size()), 3);
+  for (std::size_t v = 0; v < quads.source.size(); ++v) {
+    quads.source[v] = place(quads.source[v]);
+    quads.positions.row(static_cast<Eigen::Index>(v)) = position(mesh, quads.source[v]).transpose();
+  }
+  return quads;
+}
+
+[[nodiscard]] inline Index boundary_loop_count(const TriangleMesh<double>& mesh) {
+  Index loops = 0;
+  std::vector<char> seen(at(mesh.vertex_count()), 0);
+  for (Index v = 0; v < mesh.vertex_count(); ++v) {
+    if (seen[at(v)] || !mesh.on_boundary(v)) continue;
+    ++loops;
+    for (Index w = v; !seen[at(w)]; w = mesh.target(mesh.outgoing(w))) seen[at(w)] = 1;
+  }
+  return loops;
+}
+
+template <class K>
+[[nodiscard]] Expected<MapOutput> map_stage(const MapInput& in, const RemeshOptions& options, StageSeconds& seconds,
+                                            Context& context) {
+  const TriangleMesh<double>& mesh = in.mesh;
+  MapOutput out;
+  Stopwatch watch;
+  const auto lap = [&](double& into) {
+    into += watch.seconds();
+    watch = {};
+  };
+  const Index euler = euler_characteristic(mesh), loops = boundary_loop_count(mesh);
+
+  Expected<MapUnknowns<K>> unknowns = MapUnknowns<K>::create(mesh, in.cut, in.index, in.aligned);
+  if (!unknowns) return unknowns.error();
+
+  // A valid seamless map, the sizes bending ever further to integrability.
+  std::vector<K> x;
+  std::vector<Complex> z;
+  TargetEdges target;
+  bool valid = false;
+  for (const double fidelity : {64.0, 4.0, 0.25}) {
+    target = in.target;
+    LogScaleOptions scales;
+    scales.fidelity = fidelity;
+    if (Status status = correct_log_scale(mesh, in.cut, in.index, scales, target, context); !status.ok())
+      return status.error();
+    PoissonOptions poisson;
+    poisson.max_iterations = 20;
+    poisson.solver = options.solver;
+    Expected<PoissonReport> solved = solve_poisson<K>(mesh, *unknowns, in.index, target, poisson, x, z, context);
+    if (!solved) return solved.error();
+    valid = solved->defects.valid();
+    if (valid) break;
+    out.reasons.push_back("seamless map at fidelity " + std::to_string(fidelity).substr(0, 4) + ": " +
+                          count_of(solved->defects.flips, "flipped triangle") + ", " +
+                          count_of(solved->defects.wrong_cones, "wrong cone"));
+  }
+  lap(seconds.map);
+  if (!valid) return map_error(out.reasons.back());
+
+  const double scale = std::sqrt(in.quads / map_area(z));
+  for (Complex& p : z) p *= scale;
+  const CoarseMap coarse = decimate_map(mesh, in.cut, in.index, in.aligned, z);
+  std::vector<char> on_border(at(mesh.vertex_count()));
+  for (Index v = 0; v < mesh.vertex_count(); ++v) on_border[at(v)] = mesh.on_boundary(v);
+
+  // Handles or loops of fewer than three quads make a quad meet itself: then more quads are needed.
+  QuantizeOptions quantization;
+  quantization.target_quads = in.quads;
+  quantization.tolerance = options.count_tolerance;
+  std::optional<Quantization> integers;
+  std::optional<QuadMesh> coarse_quads;
+  const CoarsePlacement place(mesh, in.cut, z, coarse);
+  for (int attempt = 0; attempt < 12 && !coarse_quads; ++attempt, quantization.target_quads *= 1.5) {
+    Expected<Quantization> tried = quantize(coarse, in.index, on_border, quantization, context);
+    if (!tried) return tried.error();
+    const GridMap grid = coarse_grid_map(coarse, *tried);
+    if (!grid_map_exact(grid)) return map_error("the coarse map is not an integer-grid map");
+    lap(seconds.integers);
+    Expected<ExtractedQuads> extracted = extract_quads(grid, static_cast<std::size_t>(tried->quads + 0.5));
+    if (!extracted) return extracted.error();
+    Expected<QuadMesh> quads = placed_quads(mesh, std::move(*extracted), place, euler, loops);
+    lap(seconds.extraction);
+    if (quads) {
+      coarse_quads = std::move(*quads);
+      integers = std::move(*tried);
+    } else {
+      out.reasons.push_back("integers at " + std::to_string(static_cast<Index>(tried->quads)) +
+                            " quads: " + quads.error().what);
+    }
+  }
+  if (!coarse_quads) return map_error(out.reasons.back());
+
+  const auto polished = [&](QuadMesh quads) {
+    const PolishReport report = polish(mesh, options.polish, quads, context);
+    lap(seconds.polish);
+    return std::pair{std::move(quads), report};
+  };
+  const auto fine_quads = [&]() -> Expected<QuadMesh> {
+    Expected<IntegerSolution<K>> solution = substitute_integers<K>(in.cut, *unknowns, coarse, *integers);
+    if (!solution) return solution.error();
+    TargetEdges scaled = target;
+    const double factor = std::sqrt(integers->quads / target_area(target));
+    for (Complex& d : scaled) d *= factor;
+    x = solution->unknown;
+    PoissonOptions poisson;
+    poisson.max_iterations = 15;
+    poisson.solver = options.solver;
+    poisson.fixed = unknowns->integer();
+    std::vector<Complex> fine;
+    Expected<PoissonReport> solved = solve_poisson<K>(mesh, *unknowns, in.index, scaled, poisson, x, fine, context);
+    if (!solved) return solved.error();
+    lap(seconds.map);
+    if (!solved->defects.valid())
+      return map_error("fine map: " + count_of(solved->defects.flips, "flipped triangle") + ", " +
+                       count_of(solved->defects.wrong_cones, "wrong cone"));
+    Expected<GridMap> grid = fixed_point_map<K>(mesh, in.cut, *solution, fine);
+    if (!grid) return grid.error();
+    if (!grid_map_exact(*grid)) return map_error("fine map: a triangle flips in fixed point");
+    Expected<ExtractedQuads> extracted = extract_quads(*grid, static_cast<std::size_t>(integers->quads + 0.5));
+    if (!extracted) return extracted.error();
+    const auto same = [](const SurfacePoint& p) { return p; };
+    Expected<QuadMesh> quads = placed_quads(mesh, std::move(*extracted), same, euler, loops);
+    lap(seconds.extraction);
+    return quads;
+  }();
+  if (fine_quads) {
+    auto [quads, report] = polished(*fine_quads);
+    if (report.least_after > 0) {
+      out.quads = std::move(quads);
+      return out;
+    }
+    out.reasons.push_back("fine map: a quad stays inverted in space");
+  } else if (fine_quads.error().code == ErrorCode::cancelled) {
+    return fine_quads.error();
+  } else {
+    out.reasons.push_back(fine_quads.error().what);
+  }
+  auto [quads, report] = polished(std::move(*coarse_quads));
+  out.rung = Rung::coarse_map;
+  if (!(report.least_after > 0)) return map_error("coarse map: a quad stays inverted in space");
+  out.quads = std::move(quads);
+  return out;
+}
+
+}  // namespace quadrig::detail

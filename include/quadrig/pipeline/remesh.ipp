@@ -1,0 +1,204 @@
+#pragma once
+
+#include "quadrig/dominance.hpp"
+#include "quadrig/pipeline/component.hpp"
+#include "quadrig/quads/topology.hpp"
+
+namespace quadrig {
+
+QUADRIG_INLINE Status RemeshOptions::validate() const {
+  const auto bad = [](std::string field, std::string what, std::string remedy) {
+    return Error{ErrorCode::bad_option, std::move(what), std::move(field), std::move(remedy)};
+  };
+  if (quads < 6) return bad("quads", "too few to close a surface", "give 6 or more");
+  if (quads > 50'000'000) return bad("quads", "too many", "give at most 50000000");
+  if (influences < 1) return bad("influences", "a vertex needs at least one", "give 1 or more");
+  if (!(count_tolerance > 0)) return bad("count_tolerance", "not positive", "give a fraction such as 0.05");
+  if (!(bend_degrees > 0 && bend_degrees < 180)) return bad("bend_degrees", "out of range", "give an angle in (0, 180)");
+  if (!(crease_angle_radians > 0)) return bad("crease_angle_radians", "not positive", "give an angle in radians");
+  if (!(directions.posed >= 0)) return bad("directions.posed", "negative", "give 0 or more");
+  return sizing ? sizing->validate() : Status{};
+}
+
+namespace detail {
+
+/// Sizes that a preset stands for.
+inline SizingOptions preset_sizing(FieldPreset preset, bool rigged) {
+  SizingOptions sizing;
+  if (preset == FieldPreset::thesis)
+    sizing.density = DensitySource::field;
+  else if (preset == FieldPreset::standard && rigged)
+    sizing.density = DensitySource::posed;
+  else
+    sizing.density = DensitySource::uniform;
+  if (sizing.density == DensitySource::uniform) sizing.largest_aspect = 1;
+  return sizing;
+}
+
+}  // namespace detail
+
+QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOptions& options, Context& context) {
+  using detail::at;
+  const Stopwatch total;
+  if (Status status = options.validate(); !status.ok()) return status.error();
+  const TriangleMesh<double>& mesh = asset.mesh;
+  if (mesh.face_count() == 0)
+    return Error{ErrorCode::bad_input, "the mesh has no faces", "mesh", "give a surface"};
+  if (options.preset == FieldPreset::thesis && !asset.rig)
+    return Error{ErrorCode::bad_option, "the thesis preset needs a rig", "preset", "give a rig, or use static"};
+
+  RemeshResult result;
+  const SizingOptions sizing = options.sizing.value_or(detail::preset_sizing(options.preset, asset.rig.has_value()));
+  const Connection<double> connection(mesh);
+  context.progress("metric", 0);
+
+  // Sizes and posed directions, once for the whole asset.
+  Stopwatch watch;
+  SizeField sizes;
+  std::optional<PosedMetric> metric;
+  std::vector<double> omega1;
+  if (asset.rig) {
+    Expected<Dominance> dominance = Dominance::create(mesh, *asset.rig);
+    if (!dominance) return dominance.error();
+    for (Index f = 0; f < mesh.face_count(); ++f) omega1.push_back(dominance->omega(f, 1));
+  }
+  const bool posed = sizing.density == DensitySource::posed || options.directions.posed > 0;
+  const bool curved = posed || sizing.density == DensitySource::rest;
+  if (curved) {
+    if (posed && asset.rig) {
+      std::vector<Pose> bends;
+      if (options.poses.empty()) bends = bend_poses(asset.rig->skeleton, options.bend_degrees);
+      const std::vector<Pose>& poses = options.poses.empty() ? bends : options.poses;
+      PosedForms::Options form_options;
+      form_options.pose_weights = options.poses.empty() ? std::vector<double>{} : options.pose_weights;
+      Expected<PosedForms> forms =
+          PosedForms::create(mesh, connection, asset.rig->weights, poses, form_options, context);
+      if (!forms) return forms.error();
+      sizes.forms = std::move(*forms);
+    } else {
+      sizes.forms = PosedForms::at_rest(mesh, connection);
+    }
+    PosedMetricOptions metric_options;
+    metric_options.largest_aspect = sizing.largest_aspect;
+    metric_options.joint_weight = sizing.joint_weight;
+    metric_options.least_density = sizing.least_density;
+    metric_options.largest_density = sizing.largest_density;
+    Expected<PosedMetric> made = posed_metric(mesh, sizes.forms, omega1, metric_options, context);
+    if (!made) return made.error();
+    metric = std::move(*made);
+  }
+  sizes.largest_aspect = sizing.largest_aspect;
+  switch (sizing.density) {
+    case DensitySource::uniform: sizes.density.assign(at(mesh.face_count()), 1.0); break;
+    case DensitySource::blend:
+      sizes.density.resize(at(mesh.face_count()));
+      for (std::size_t f = 0; f < sizes.density.size(); ++f)
+        sizes.density[f] = omega1.empty() ? 1.0 : 1 + 3 * (1 - omega1[f]);
+      break;
+    case DensitySource::rest:
+    case DensitySource::posed: sizes.density = metric->density; break;
+    case DensitySource::field: break;
+  }
+  const bool sized = sizing.density != DensitySource::field;
+  if (sized && sizing.density != DensitySource::uniform)
+    sizes.density = graded_density(mesh, sizes.density, options.quads, sizing.gradation);
+  result.report.seconds.metric = watch.seconds();
+
+  // Components, each with its share.
+  const Components components = face_components(mesh);
+  std::vector<std::vector<Index>> faces(at(components.count));
+  std::vector<double> share(at(components.count), 0.0);
+  double whole = 0;
+  for (Index f = 0; f < mesh.face_count(); ++f) {
+    const auto c = at(components.of_face[at(f)]);
+    faces[c].push_back(f);
+    share[c] += mesh.area(f) * (sized ? sizes.density[at(f)] : 1.0);
+  }
+  for (const double s : share) whole += s;
+  const detail::RemeshShared shared{asset,  connection, options, sizing, sized ? &sizes : nullptr,
+                                    metric ? &*metric : nullptr};
+  std::vector<std::optional<Expected<detail::ComponentResult>>> parts(faces.size());
+  context.progress("remesh", 0.1);
+  const auto work = [&](std::size_t begin, std::size_t end) {
+    for (std::size_t c = begin; c < end; ++c) {
+      Context inner;
+      inner.cancel_flag = context.cancel_flag;
+      inner.threads = faces.size() > 1 ? 1 : context.threads;
+      parts[c] = detail::remesh_component(shared, faces[c], std::max(1.0, options.quads * share[c] / whole), inner);
+    }
+  };
+  context.parallel_for(faces.size(), 1, work);
+  if (context.cancelled()) return cancelled_error("remesh");
+
+  // One mesh of all parts, in the order of the components.
+  watch = {};
+  Index vertices = 0, quads = 0;
+  for (std::size_t c = 0; c < parts.size(); ++c) {
+    if (!*parts[c]) {
+      Error error = parts[c]->error();
+      error.where = "component " + std::to_string(c) + " (face " + std::to_string(faces[c].front()) + "), " + error.where;
+      return error;
+    }
+    vertices += (*parts[c])->mesh.vertex_count();
+    quads += (*parts[c])->mesh.quad_count();
+  }
+  QuadMesh& out = result.mesh;
+  out.positions.resize(vertices, 3);
+  out.quads.resize(quads, 4);
+  Index first_vertex = 0, first_quad = 0, largest = -1;
+  RemeshReport& report = result.report;
+  for (auto& slot : parts) {
+    detail::ComponentResult& part = **slot;
+    const Index n = part.mesh.vertex_count(), m = part.mesh.quad_count();
+    out.positions.middleRows(first_vertex, n) = part.mesh.positions;
+    out.quads.middleRows(first_quad, m) = part.mesh.quads.array() + first_vertex;
+    out.source.insert(out.source.end(), part.mesh.source.begin(), part.mesh.source.end());
+    first_vertex += n;
+    first_quad += m;
+    report.irregular += part.report.irregular;
+    for (auto member : {&StageSeconds::field, &StageSeconds::map, &StageSeconds::integers, &StageSeconds::extraction,
+                        &StageSeconds::polish})
+      report.seconds.*member += part.seconds.*member;
+    for (Warning& warning : part.warnings) report.warnings.push_back(std::move(warning));
+    if (part.report.faces > largest) {
+      largest = part.report.faces;
+      report.field = part.field;
+    }
+    report.components.push_back(std::move(part.report));
+  }
+  report.quads = quads;
+  report.vertices = vertices;
+  if (asset.rig) {
+    Expected<SkinWeights> weights = transfer_weights(mesh, asset.rig->weights, out.source, options.influences);
+    if (!weights) return weights.error();
+    result.weights = std::move(*weights);
+  }
+  report.seconds.transfer = watch.seconds();
+  double sum = 0;
+  report.scaled_jacobian_minimum = 1;
+  for (Index q = 0; q < quads; ++q) {
+    const double j = scaled_jacobian(out.positions, out.quads.row(q));
+    sum += j;
+    report.scaled_jacobian_minimum = std::min(report.scaled_jacobian_minimum, j);
+  }
+  report.scaled_jacobian_average = quads > 0 ? sum / quads : 0;
+  if (quads > options.quads * (1 + options.count_tolerance)) report.minimum_count = quads;
+  for (std::size_t c = 0; c < report.components.size(); ++c)
+    if (report.components[c].rung == Rung::split)
+      report.warnings.push_back({"remesh", "component " + std::to_string(c) + ": no valid map, split from triangles (" +
+                                               (report.components[c].reasons.empty()
+                                                    ? std::string("no attempt")
+                                                    : report.components[c].reasons.back()) + ")"});
+  const QuadTopology topology = quad_topology(out.quads, vertices);
+  report.valid = topology.defect.empty() && report.scaled_jacobian_minimum > 0;
+  for (const Warning& warning : report.warnings) context.warnings.push_back(warning);
+  report.seconds.total = total.seconds();
+  if (!report.valid)
+    return Error{ErrorCode::stage_failed,
+                 topology.defect.empty() ? "a quad stays inverted" : topology.defect, "check of the result",
+                 "ask for another count or the static preset"};
+  context.progress("done", 1);
+  return result;
+}
+
+}  // namespace quadrig

@@ -1,0 +1,12 @@
+// The seamless map: charts cut open, constraints built in exactly, a Poisson solve that ends without flips.
+//
+//   cut_graph   combs the frames and cuts the surface to a disc; each corner's chart relative to its vertex
+//   unknowns    transitions, cones and straight borders eliminated over Z[i] or Z; what remains is free
+//   target      wanted parameter vectors from a frame field, made more nearly integrable by correcting lengths
+//   poisson     the map nearest to the target, stiffened until no triangle flips and every cone is right
+#pragma once
+
+#include "quadrig/seamless/cut_graph.hpp"
+#include "quadrig/seamless/poisson.hpp"
+#include "quadrig/seamless/target.hpp"
+#include "quadrig/seamless/unknowns.hpp"
