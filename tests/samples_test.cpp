@@ -93,7 +93,7 @@ TEST_CASE("samples: no limb of the humanoid pulls at another that is only near",
         REQUIRE(weight(std::string("upper_arm") + side) < 0.05);
       }
     }
-    if (p.x() > 0 && p.y() < 0.75) {
+    if (p.x() > 0 && p.y() < 0.65) {
       ++left_leg;
       REQUIRE(weight("thigh_r") + weight("shin_r") + weight("foot_r") < 0.02);
     }

@@ -1,0 +1,130 @@
+#include "command.hpp"
+
+#include <unistd.h>
+
+#include <cstdio>
+
+namespace quadrig::cli {
+
+void Session::begin(const std::atomic<bool>& interrupted) {
+  context.threads = threads;
+  context.cancel_flag = &interrupted;
+  if (quiet || !isatty(STDERR_FILENO)) return;
+  context.on_progress = [](std::string_view stage, double fraction) {
+    std::fprintf(stderr, "\r\033[K%3d %%  %.*s", static_cast<int>(100 * fraction), static_cast<int>(stage.size()),
+                 stage.data());
+    std::fflush(stderr);
+  };
+}
+
+void Session::clear_progress() const {
+  if (context.on_progress) std::fputs("\r\033[K", stderr);
+}
+
+void Session::say(const std::string& text) const {
+  if (quiet) return;
+  clear_progress();
+  std::fputs((text + "\n").c_str(), stdout);
+}
+
+void add_input(CLI::App& verb, Input& input) {
+  verb.add_option("MESH", input.files.mesh, "Surface: .obj, .off or .ply")->required()->type_name("");
+  auto* rig = verb.add_option("--rig", input.files.rig, "Bones: .tgf")->type_name("FILE");
+  auto* weights = verb.add_option("--weights", input.files.weights, "Skin weights, a column a bone: .dmat");
+  weights->type_name("FILE");
+  rig->needs(weights);
+  weights->needs(rig);
+  const std::string group = "Input repair";
+  verb.add_flag("--strict", input.load.prepare.strict, "Refuse an input that needs repair")->group(group);
+  verb.add_option("--weld", input.load.prepare.weld, "Which vertices at one position become one")
+      ->transform(CLI::CheckedTransformer(
+          std::vector<std::pair<std::string, Weld>>{{"never", Weld::never}, {"seams", Weld::seams}, {"all", Weld::all}},
+          CLI::ignore_case))
+      ->type_name("never|seams|all")
+      ->default_str("seams")
+      ->group(group);
+  verb.add_option("--weld-distance", input.load.prepare.weld_distance, "Positions at most this far apart are one")
+      ->type_name("LENGTH")
+      ->group(group);
+  verb.add_option("--weight-tolerance", input.load.prepare.weight_tolerance,
+                  "Weights whose sum is off by at most this are rescaled")
+      ->type_name("SHARE")
+      ->capture_default_str()
+      ->group(group);
+}
+
+Expected<LoadedAsset> load(const Input& input, Session& session) {
+  session.context.progress("read", 0);
+  return load_asset(input.files, input.load, session.context);
+}
+
+Json report_head(std::string_view verb, const Input& input, const LoadedAsset& loaded) {
+  Json report;
+  report["quadrig"] = QUADRIG_VERSION;
+  report["verb"] = verb;
+  Json& in = report["input"];
+  in["mesh"] = input.files.mesh.string();
+  if (!input.files.rig.empty()) {
+    in["rig"] = input.files.rig.string();
+    in["weights"] = input.files.weights.string();
+  }
+  in["vertices"] = loaded.asset.mesh.vertex_count();
+  in["faces"] = loaded.asset.mesh.face_count();
+  in["bones"] = loaded.asset.rig ? loaded.asset.rig->skeleton.bone_count() : 0;
+  in["components"] = loaded.report.components;
+  in["closed"] = loaded.asset.mesh.closed();
+  in["doubled_vertices"] = loaded.report.doubled_vertices;
+  in["repairs"] = loaded.report.repairs();
+  return report;
+}
+
+Json warnings_json(std::span<const Warning> warnings) {
+  Json list = Json::array();
+  for (const Warning& warning : warnings) list.push_back(warning.stage + ": " + warning.text);
+  return list;
+}
+
+Status check_outputs(const Input& input, std::initializer_list<std::filesystem::path> outputs) {
+  const auto same = [](const std::filesystem::path& a, const std::filesystem::path& b) {
+    std::error_code ignored;
+    return a == b || std::filesystem::equivalent(a, b, ignored);
+  };
+  std::vector<std::filesystem::path> taken = {input.files.mesh, input.files.rig, input.files.weights};
+  for (const auto& output : outputs) {
+    if (output.empty()) continue;
+    for (const auto& other : taken)
+      if (!other.empty() && same(output, other))
+        return Error{ErrorCode::bad_option, "would be written over " + other.string(), output.string(),
+                     "give each output a name of its own"};
+    taken.push_back(output);
+  }
+  return {};
+}
+
+std::string decimals(double value, int digits) {
+  char buffer[64];
+  std::snprintf(buffer, sizeof buffer, "%.*f", digits, value);
+  return buffer;
+}
+
+int exit_code(ErrorCode code) {
+  switch (code) {
+    case ErrorCode::bad_option:
+      return 2;
+    case ErrorCode::bad_file:
+      return 3;
+    case ErrorCode::bad_input:
+      return 4;
+    case ErrorCode::unsupported:
+      return 5;
+    case ErrorCode::numeric:
+      return 6;
+    case ErrorCode::stage_failed:
+      return 7;
+    case ErrorCode::cancelled:
+      return 8;
+  }
+  return 1;
+}
+
+}  // namespace quadrig::cli

@@ -1,0 +1,61 @@
+// What the verbs of the command share.
+#pragma once
+
+#include <atomic>
+#include <functional>
+
+#include <CLI/CLI.hpp>
+#include <nlohmann/json.hpp>
+
+#include "quadrig/io.hpp"
+
+namespace quadrig::cli {
+
+using Json = nlohmann::ordered_json;
+
+/// One run: the context with its progress on a terminal, and what was asked for all verbs.
+struct Session {
+  bool quiet = false;
+  unsigned threads = 0;
+  Context context;
+
+  /// Connects the context to the terminal and to Ctrl-C. \pre options are parsed
+  void begin(const std::atomic<bool>& interrupted);
+  /// Removes the progress line.
+  void clear_progress() const;
+  /// Text for people, on standard output.
+  void say(const std::string& text) const;
+};
+
+/// What main runs after the options are parsed: set by the verb that was named.
+using Run = std::function<Status(Session&)>;
+
+void add_sample(CLI::App& app, Run& run);
+void add_stats(CLI::App& app, Run& run);
+void add_dominance(CLI::App& app, Run& run);
+void add_field(CLI::App& app, Run& run);
+void add_remesh(CLI::App& app, Run& run);
+
+/// MESH, --rig, --weights and what the door does to them.
+struct Input {
+  AssetFiles files;
+  LoadOptions load;
+};
+void add_input(CLI::App& verb, Input& input);
+/// Loads the asset. \fails as load_asset
+[[nodiscard]] Expected<LoadedAsset> load(const Input& input, Session& session);
+
+/// The head of every report: version, verb and input with its repairs.
+[[nodiscard]] Json report_head(std::string_view verb, const Input& input, const LoadedAsset& loaded);
+[[nodiscard]] Json warnings_json(std::span<const Warning> warnings);
+
+/// Refuses outputs that are one another or an input.
+[[nodiscard]] Status check_outputs(const Input& input, std::initializer_list<std::filesystem::path> outputs);
+
+/// "1 234 567" style is for nobody's parser: plain digits, a fixed number of decimals.
+[[nodiscard]] std::string decimals(double value, int digits);
+
+/// Exit codes, documented in docs/command.md.
+[[nodiscard]] int exit_code(ErrorCode code);
+
+}  // namespace quadrig::cli

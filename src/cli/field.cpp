@@ -1,0 +1,169 @@
+// quadrig field: the cross field alone.
+#include "quadrig/field.hpp"
+
+#include <charconv>
+
+#include "command.hpp"
+
+namespace quadrig::cli {
+namespace {
+
+struct Options {
+  Input input;
+  std::string preset = "default", solver{default_solver_name};
+  double crease_degrees = 0;
+  std::filesystem::path output, report;
+};
+
+void append(std::string& text, const Vector3& v) {
+  for (int i = 0; i < 3; ++i) {
+    char buffer[32];
+    text += ' ';
+    text.append(buffer, std::to_chars(buffer, buffer + sizeof buffer, v[i]).ptr);
+  }
+}
+
+/// OBJ lines: the two lines of each face's cross, as long as a quad of that density would be where the mean one is as
+/// long as the face.
+std::string crosses(const TriangleMesh<double>& mesh, const Connection<double>& connection, const FrameField& frames) {
+  const auto m = static_cast<std::size_t>(mesh.face_count());
+  double mean = 0;
+  for (std::size_t f = 0; f < m; ++f) mean += std::sqrt(std::abs(frames.u[f]) * std::abs(frames.v[f]));
+  mean /= static_cast<double>(m);
+  std::string text = "# two lines a face, along the cross field\n", lines;
+  for (Index f = 0; f < mesh.face_count(); ++f) {
+    const auto at = static_cast<std::size_t>(f);
+    const Vector3 centre = position(mesh, SurfacePoint{f, Vector3::Constant(1.0 / 3)});
+    const double size = 0.4 * std::sqrt(mesh.area(f));
+    Index corner = 4 * f + 1;
+    for (const Complex z : {frames.u[at], frames.v[at]}) {
+      const double length = std::abs(z);
+      const Complex half = z / length * size * std::clamp(mean / length, 0.25, 1.5);
+      const Vector3 arm = connection.to_vector(f, half);
+      append(text += 'v', centre - arm);
+      append(text += "\nv", centre + arm);
+      text += '\n';
+      lines += "l " + std::to_string(corner) + ' ' + std::to_string(corner + 1) + '\n';
+      corner += 2;
+    }
+  }
+  return text + lines;
+}
+
+/// The text format of Directional: degree and faces, then the vectors of each face one after another.
+std::string raw_field(const TriangleMesh<double>& mesh, const Connection<double>& connection,
+                      const FrameField& frames) {
+  std::string text = "4 " + std::to_string(mesh.face_count()) + "\n";
+  for (Index f = 0; f < mesh.face_count(); ++f) {
+    const auto at = static_cast<std::size_t>(f);
+    std::string row;
+    for (const Complex z : {frames.u[at], frames.v[at], -frames.u[at], -frames.v[at]})
+      append(row, connection.to_vector(f, z));
+    text += row.substr(1) + "\n";
+  }
+  return text;
+}
+
+Status field(const Options& options, Session& session) {
+  if (Status status = check_outputs(options.input, {options.output, options.report}); !status) return status;
+  const std::string extension = options.output.extension().string();
+  if (!options.output.empty() && extension != ".obj" && extension != ".rawfield")
+    return Error{ErrorCode::bad_option, "is no format for fields", options.output.string(),
+                 "name an .obj (lines to look at) or a .rawfield (vectors, as Directional reads them)"};
+  const Expected<FieldPreset> preset = field_preset(options.preset);
+  if (!preset) return preset.error();
+  const Expected<LoadedAsset> loaded = load(options.input, session);
+  if (!loaded) return loaded.error();
+  const TriangleMesh<double>& mesh = loaded->asset.mesh;
+  const Connection<double> connection(mesh);
+  FieldOptions field_options;
+  field_options.preset = *preset;
+  field_options.solver = options.solver;
+  if (options.crease_degrees > 0) field_options.crease_angle_radians = options.crease_degrees * std::numbers::pi / 180;
+  session.context.progress("field", 0.2);
+  const Expected<FieldResult> result = design_field(loaded->asset, connection, field_options, session.context);
+  if (!result) return result.error();
+  const FieldReport& r = result->report;
+
+  Json report = report_head("field", options.input, *loaded);
+  report["options"] = {{"preset", options.preset},
+                       {"crease_degrees", options.crease_degrees > 0 ? Json(options.crease_degrees) : Json(nullptr)},
+                       {"solver", options.solver}};
+  report["preset_in_force"] = field_preset_name(r.preset);
+  report["vertices"] = r.vertices;
+  report["faces"] = r.faces;
+  report["bones"] = r.bones;
+  report["interior_edges"] = r.interior_edges;
+  report["sum_omega1"] = r.sum_omega1;
+  report["sum_omega2"] = r.sum_omega2;
+  report["energy_align"] = r.energy_align;
+  report["energy_smooth"] = r.energy_smooth;
+  report["energy_orth"] = r.energy_orth;
+  report["sum_abs_x0"] = r.sum_abs_x0;
+  report["sum_abs_x1"] = r.sum_abs_x1;
+  report["median_abs_x0"] = r.median_abs_x0;
+  report["faces_omega1_above_0.9"] = r.faces_omega1_above_0_9;
+  report["mean_angle_to_bone_deg"] = r.mean_angle_to_bone_deg;
+  report["median_angle_to_bone_deg"] = r.median_angle_to_bone_deg;
+  report["singularities_plus"] = r.singularities_plus;
+  report["singularities_minus"] = r.singularities_minus;
+  report["index_sum"] = r.index_sum;
+  report["singularities_boundary"] = r.singularities_boundary;
+  report["euler_characteristic"] = r.euler_characteristic;
+  report["free_components"] = r.free_components;
+  report["bounded_frames"] = r.bounded_frames;
+  report["residual"] = r.solve.residual;
+  report["seconds"] = {{"assembly", r.solve.assembly_seconds},
+                       {"analysis", r.solve.analysis_seconds},
+                       {"factorization", r.solve.factorization_seconds},
+                       {"solve", r.solve.solve_seconds},
+                       {"total", r.seconds}};
+  report["warnings"] = warnings_json(session.context.warnings);
+
+  FileSet files;
+  if (!options.output.empty()) {
+    const std::string text =
+        extension == ".obj" ? crosses(mesh, connection, result->frames) : raw_field(mesh, connection, result->frames);
+    if (Status status = files.add(options.output, text); !status) return status;
+  }
+  if (!options.report.empty())
+    if (Status status = files.add(options.report, report.dump(2) + "\n"); !status) return status;
+  if (Status status = files.commit(); !status) return status;
+  std::string line = std::to_string(r.singularities_plus + r.singularities_minus) + " singularities (" +
+                     std::to_string(r.singularities_plus) + " of valence below 4, " +
+                     std::to_string(r.singularities_minus) + " above)";
+  if (r.faces_omega1_above_0_9 > 0)
+    line += ", " + decimals(r.mean_angle_to_bone_deg, 2) + " degrees to the bone where one rules";
+  session.say(line + ", " + decimals(r.seconds, 2) + " s");
+  return {};
+}
+
+}  // namespace
+
+void add_field(CLI::App& app, Run& run) {
+  auto options = std::make_shared<Options>();
+  CLI::App* verb = app.add_subcommand("field", "Design the directions alone: a cross a face");
+  add_input(*verb, options->input);
+  verb->add_option("--preset", options->preset,
+                   "default: the rig's, at any resolution; thesis: its exact energy; "
+                   "static: no rig, along the curvature")
+      ->check(CLI::IsMember({"default", "thesis", "static"}))
+      ->capture_default_str()
+      ->type_name("default|thesis|static");
+  verb->add_option("--creases", options->crease_degrees, "Follow edges that bend more than this, degrees")
+      ->check(CLI::Range(0.0, 180.0))
+      ->type_name("ANGLE");
+  verb->add_option("--solver", options->solver, "Linear solver")->capture_default_str()->type_name("NAME");
+  verb->add_option("-o,--output", options->output,
+                   "Write the field: .obj, lines to look at, or .rawfield, the vectors as Directional reads them")
+      ->type_name("OUT");
+  verb->add_option("--report", options->report, "Write the figures as JSON")->type_name("FILE");
+  verb->footer(R"(Examples:
+  quadrig field arm.obj --rig arm.tgf --weights arm.dmat -o crosses.obj
+  quadrig field arm.obj --rig arm.tgf --weights arm.dmat --preset thesis --report field.json
+  quadrig field fandisk.off --creases 40 -o field.rawfield)");
+  verb->fallthrough();
+  verb->callback([options, &run] { run = [options](Session& session) { return field(*options, session); }; });
+}
+
+}  // namespace quadrig::cli

@@ -1,0 +1,62 @@
+// quadrig sample: rigged meshes made by code.
+#include "command.hpp"
+#include "quadrig/samples.hpp"
+
+namespace quadrig::cli {
+namespace {
+
+struct Options {
+  std::string name;
+  std::filesystem::path folder;
+  Index triangles = 20000;
+};
+
+Status sample(const Options& options, Session& session) {
+  Expected<Asset> asset = make_sample(options.name, options.triangles, session.context);
+  if (!asset) return asset.error();
+  std::error_code error;
+  const bool fresh = std::filesystem::create_directories(options.folder, error);
+  if (error)
+    return Error{ErrorCode::bad_file, "cannot be made: " + error.message(), options.folder.string(), "name a folder"};
+  const auto place = [&](const char* extension) { return options.folder / (options.name + extension); };
+  const auto write = [&]() -> Status {
+    FileSet files;
+    if (Status s = files.add(place(".obj"), obj_text(asset->mesh.positions(), asset->mesh.faces())); !s) return s;
+    if (Status s = files.add(place(".tgf"), tgf_text(asset->rig->skeleton)); !s) return s;
+    if (Status s = files.add(place(".dmat"), dmat_text(asset->rig->weights)); !s) return s;
+    return files.commit();
+  };
+  if (Status status = write(); !status) {
+    if (fresh) std::filesystem::remove(options.folder, error);  // only where it is empty
+    return status;
+  }
+  session.say(place(".obj").string() + ", .tgf, .dmat: " + std::to_string(asset->mesh.face_count()) + " triangles, " +
+              std::to_string(asset->rig->skeleton.bone_count()) + " bones");
+  return {};
+}
+
+}  // namespace
+
+void add_sample(CLI::App& app, Run& run) {
+  auto options = std::make_shared<Options>();
+  std::string names, footer = "Samples:\n";
+  for (const SampleInfo& info : sample_infos()) {
+    names += (names.empty() ? "" : "|") + std::string(info.name);
+    footer += "  " + std::string(info.name) + std::string(12 - info.name.size(), ' ') + std::string(info.description) +
+              " (" + std::to_string(info.bones) + " bones)\n";
+  }
+  CLI::App* verb = app.add_subcommand("sample", "Write a rigged mesh made by code: NAME.obj, NAME.tgf, NAME.dmat");
+  verb->add_option("NAME", options->name, names)->required()->type_name("");
+  verb->add_option("-o,--output", options->folder, "Folder, made where it is not there")->required()->type_name("DIR");
+  verb->add_option("--triangles", options->triangles, "About how many, 500 to 4000000")
+      ->capture_default_str()
+      ->type_name("N");
+  verb->footer(footer + R"(
+Examples:
+  quadrig sample pear -o demo
+  quadrig sample humanoid -o demo --triangles 100000)");
+  verb->fallthrough();
+  verb->callback([options, &run] { run = [options](Session& session) { return sample(*options, session); }; });
+}
+
+}  // namespace quadrig::cli

@@ -1,0 +1,216 @@
+// quadrig stats: the figures of polygon meshes.
+#include "command.hpp"
+#include "quadrig/quality.hpp"
+
+namespace quadrig::cli {
+namespace {
+
+struct Options {
+  std::vector<std::filesystem::path> meshes;
+  Input input;
+  std::filesystem::path report;
+  Index samples = 40000;
+  bool json = false;
+};
+
+/// The rules that a mesh can be held against without its input; empty where all hold.
+std::vector<std::string> broken_rules(const PolygonMesh& mesh, const MeshStatistics& s) {
+  std::vector<std::string> broken;
+  const auto rule = [&](Index count, const char* text) {
+    if (count > 0) broken.push_back(std::to_string(count) + " " + text);
+  };
+  rule(s.triangles + s.ngons, "faces that are no quads");
+  rule(s.degenerate_faces, "faces with a repeated vertex");
+  rule(s.duplicate_faces, "duplicate faces");
+  rule(s.nonmanifold_edges, "edges of more than two faces");
+  rule(s.nonmanifold_vertices, "vertices of more than one fan");
+  rule(s.misoriented_edges, "edges that both faces run the same way");
+  rule(mesh.vertex_count() - s.vertices, "vertices of no face");
+  if (s.quads > 0 && s.scaled_jacobian_minimum <= 0) broken.emplace_back("quads of scaled Jacobian 0 or less");
+  return broken;
+}
+
+/// Polygons that are all quads, as a matrix.
+std::optional<Quads> as_quads(const PolygonMesh& mesh) {
+  Quads quads(mesh.polygon_count(), 4);
+  for (Index i = 0; i < mesh.polygon_count(); ++i) {
+    const auto polygon = mesh.polygon(i);
+    if (polygon.size() != 4) return std::nullopt;
+    for (int k = 0; k < 4; ++k) quads(i, k) = polygon[static_cast<std::size_t>(k)];
+  }
+  return quads;
+}
+
+Json row_json(const DeformationFigures::Row& row) {
+  return {{"rms", row.rms}, {"p99", row.p99}, {"normal_degrees", row.normal_degrees}};
+}
+
+Expected<Json> figures(const std::filesystem::path& path, const Options& options, const LoadedAsset* input,
+                       std::span<const Pose> poses, Session& session) {
+  const auto in_file = [&](Error error) {
+    error.where = path.string() + (error.where.empty() ? "" : ", " + error.where);
+    return error;
+  };
+  Expected<PolygonMesh> mesh = read_surface(path, options.input.load.limits, session.context);
+  if (!mesh) return mesh.error();
+  const MeshStatistics s = mesh_statistics(*mesh);
+  Json out;
+  out["mesh"] = path.string();
+  const std::vector<std::string> broken = broken_rules(*mesh, s);
+  out["valid"] = broken.empty();
+  out["broken_rules"] = broken;
+  out["vertices"] = s.vertices;
+  out["faces"] = s.faces;
+  out["quads"] = s.quads;
+  out["triangles"] = s.triangles;
+  out["ngons"] = s.ngons;
+  out["irregular"] = s.irregular;
+  out["irregular_interior"] = s.irregular_interior;
+  out["components"] = s.components;
+  out["genus"] = s.genus ? Json(*s.genus) : Json(nullptr);
+  out["euler"] = s.euler;
+  out["boundary_edges"] = s.boundary_edges;
+  out["boundary_loops"] = s.boundary_loops;
+  out["scaled_jacobian"] = {{"average", s.scaled_jacobian_average},
+                            {"minimum", s.scaled_jacobian_minimum},
+                            {"negative", s.scaled_jacobian_negative}};
+  if (const std::optional<Quads> quads = as_quads(*mesh); quads && quads->rows() > 0) {
+    const ShapeStatistics shape = shape_statistics(mesh->positions, *quads);
+    out["shape"] = {{"aspect_mean", shape.aspect_mean},
+                    {"aspect_p99", shape.aspect_p99},
+                    {"aspect_maximum", shape.aspect_maximum},
+                    {"edge_ratio_mean", shape.edge_ratio_mean},
+                    {"angle_error_mean_degrees", shape.angle_error_mean_degrees},
+                    {"angle_error_p99_degrees", shape.angle_error_p99_degrees},
+                    {"angle_error_maximum_degrees", shape.angle_error_maximum_degrees},
+                    {"area_p99_by_p1", shape.area_p99_by_p1}};
+  }
+  if (!input) return out;
+  const TriangleMesh<double>& surface = input->asset.mesh;
+  const Expected<SurfaceDistance> distance =
+      surface_distance(surface.positions(), surface.faces(), mesh->positions, fan_triangles(*mesh),
+                       {options.samples, 7}, session.context);
+  if (!distance) return in_file(distance.error());
+  const double diagonal = surface.diagonal();
+  out["distance"] = {{"hausdorff", distance->hausdorff() / diagonal},
+                     {"rms", distance->to_input.rms / diagonal},
+                     {"back_rms", distance->from_input.rms / diagonal}};
+  if (!input->asset.rig) return out;
+  const SkinWeights& weights = input->asset.rig->weights;
+  Expected<SkinWeights> coarse = closest_weights(surface, weights, mesh->positions);
+  if (!coarse) return in_file(coarse.error());
+  DeformationOptions deformation;
+  deformation.samples = options.samples;
+  const Expected<DeformationFigures> d =
+      deformation_error(surface, weights, *mesh, *coarse, poses, deformation, session.context);
+  if (!d) return in_file(d.error());
+  out["deformation"] = {{"joints", row_json(d->joints)},
+                        {"all", row_json(d->all)},
+                        {"back_rms", d->back_rms},
+                        {"rest_joints_rms", d->rest_joints_rms},
+                        {"rest_all_rms", d->rest_all_rms},
+                        {"bent_rms", d->bent_rms},
+                        {"bent_rest_rms", d->bent_rest_rms},
+                        {"bent_normal_degrees", d->bent_normal_degrees},
+                        {"flipped", d->flipped},
+                        {"scaled_jacobian",
+                         {{"average", d->scaled_jacobian_average},
+                          {"minimum", d->scaled_jacobian_minimum},
+                          {"negative", d->scaled_jacobian_negative}}}};
+  return out;
+}
+
+std::string as_text(const Json& figures) {
+  std::string text = figures["mesh"].get<std::string>() + ": " + (figures["valid"].get<bool>() ? "valid" : "not valid");
+  for (const Json& rule : figures["broken_rules"]) text += "\n  broken: " + rule.get<std::string>();
+  const auto number = [](const Json& value) {
+    if (!value.is_number_float()) return value.dump();
+    char buffer[32];
+    std::snprintf(buffer, sizeof buffer, "%.4g", value.get<double>());
+    return std::string(buffer);
+  };
+  const auto line = [&](const std::string& name, const std::string& value) {
+    text += "\n  " + name + std::string(name.size() < 28 ? 28 - name.size() : 1, ' ') + value;
+  };
+  for (const auto& [key, value] : figures.items()) {
+    if (key == "mesh" || key == "valid" || key == "broken_rules") continue;
+    if (!value.is_object()) {
+      line(key, number(value));
+      continue;
+    }
+    std::string row;
+    for (const auto& [name, figure] : value.items()) {
+      if (figure.is_object()) {
+        std::string inner;
+        for (const auto& [part, x] : figure.items()) inner += (inner.empty() ? "" : ", ") + part + " " + number(x);
+        line(key + " " + name, inner);
+      } else {
+        row += (row.empty() ? "" : ", ") + name + " " + number(figure);
+      }
+    }
+    if (!row.empty()) line(key, row);
+  }
+  return text;
+}
+
+Status stats(const Options& options, Session& session) {
+  std::optional<LoadedAsset> input;
+  std::vector<Pose> poses;
+  if (!options.input.files.mesh.empty()) {
+    Expected<LoadedAsset> loaded = load(options.input, session);
+    if (!loaded) return loaded.error();
+    input = std::move(*loaded);
+    if (input->asset.rig) poses = bend_poses(input->asset.rig->skeleton, 60);
+  }
+  Json all = Json::array();
+  for (const auto& path : options.meshes) {
+    session.context.progress(path.filename().string(), static_cast<double>(all.size()) / double(options.meshes.size()));
+    Expected<Json> one = figures(path, options, input ? &*input : nullptr, poses, session);
+    if (!one) return one.error();
+    all.push_back(std::move(*one));
+  }
+  Json report;
+  report["quadrig"] = QUADRIG_VERSION;
+  report["verb"] = "stats";
+  report["meshes"] = all;
+  if (!options.report.empty())
+    if (Status status = write_file(options.report, report.dump(2) + "\n"); !status) return status;
+  session.clear_progress();
+  if (options.json)
+    std::puts(report.dump(2).c_str());
+  else
+    for (const Json& one : all) session.say(as_text(one));
+  return {};
+}
+
+}  // namespace
+
+void add_stats(CLI::App& app, Run& run) {
+  auto options = std::make_shared<Options>();
+  CLI::App* verb = app.add_subcommand("stats", "Counts, validity, shape, distance and bending of polygon meshes");
+  verb->add_option("MESH", options->meshes, "Meshes: .obj, .off or .ply")->required()->type_name("");
+  auto* input = verb->add_option("--input", options->input.files.mesh, "The surface that they stand for: distances");
+  input->type_name("FILE");
+  auto* rig = verb->add_option("--rig", options->input.files.rig, "Its bones: how well the meshes bend");
+  auto* weights = verb->add_option("--weights", options->input.files.weights, "Its skin weights");
+  rig->type_name("FILE")->needs(input)->needs(weights);
+  weights->type_name("FILE")->needs(rig);
+  verb->add_option("--samples", options->samples, "Points that distances are measured at")
+      ->check(CLI::Range(100, 10'000'000))
+      ->capture_default_str()
+      ->type_name("N");
+  verb->add_option("--report", options->report, "Write the figures as JSON")->type_name("FILE");
+  verb->add_flag("--json", options->json, "Print the figures as JSON");
+  verb->footer(R"(A mesh is valid where it is of quads alone, manifold and consistently oriented, without degenerate or
+duplicate faces, and no quad has a scaled Jacobian of 0 or less. Distances are in diagonals of the input; bending
+(each bone by 60 degrees both ways about two axes) in 1e-4 of it.
+
+Examples:
+  quadrig stats quads.obj
+  quadrig stats a.obj b.obj --input arm.obj --rig arm.tgf --weights arm.dmat
+  quadrig stats quads.obj --json)");
+  verb->fallthrough();
+  verb->callback([options, &run] { run = [options](Session& session) { return stats(*options, session); }; });
+}
+
+}  // namespace quadrig::cli
