@@ -2,6 +2,7 @@
 // and then used for a field.
 #include <cstdio>
 
+#include "quadrig/asset.hpp"
 #include "quadrig/field.hpp"
 #include "quadrig/laws.hpp"
 

@@ -2,6 +2,7 @@
 #include <cstdio>
 #include <numbers>
 
+#include "quadrig/asset.hpp"
 #include "quadrig/field.hpp"
 #include "quadrig/laws.hpp"
 

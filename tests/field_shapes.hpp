@@ -4,6 +4,7 @@
 #include "surfaces.hpp"
 #include "test.hpp"
 
+#include "quadrig/asset.hpp"
 #include "quadrig/field.hpp"
 
 namespace quadrig::test {

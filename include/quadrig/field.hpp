@@ -1,12 +1,12 @@
 // The cross field of a surface: directions and line densities that follow the rig, the curvature or given targets.
 #pragma once
 
-#include "quadrig/asset.hpp"
 #include "quadrig/field/frames.hpp"
 #include "quadrig/field/lengths.hpp"
 #include "quadrig/field/matching.hpp"
 #include "quadrig/field/power.hpp"
 #include "quadrig/field/systems.hpp"
+#include "quadrig/rig.hpp"
 
 namespace quadrig {
 
@@ -101,14 +101,27 @@ struct FieldResult {
   FieldReport report;
 };
 
-/// The field of an asset: frames, matching and singularities, with Gauss–Bonnet and Poincaré–Hopf checked.
-/// \pre no face of zero area; `connection` is of the asset's mesh
-/// \cost one analysis and two sparse factorizations with one complex unknown a face.
+/// The field of a surface and its rig (null: none): frames, matching and singularities, with Gauss–Bonnet and
+/// Poincaré–Hopf checked.
+/// \pre no face of zero area; `connection` is of the mesh
+/// \cost one analysis, two to four sparse factorizations with one complex unknown a face, and about a dozen solves.
 /// \fails bad_option, naming it; bad_input where the weights do not fit; numeric where a system is singular (thesis: a
-///   component without target) or a check fails; cancelled. Source: thesis chapter 4; design of the defaults in
+///   component that no bone pulls) or a check fails; cancelled. Source: thesis chapter 4; design of the defaults in
 ///   docs/field.md.
-[[nodiscard]] Expected<FieldResult> design_field(const Asset& asset, const Connection<double>& connection,
-                                                 const FieldOptions& options, Context& context);
+[[nodiscard]] Expected<FieldResult> design_field(const TriangleMesh<double>& mesh, const Rig* rig,
+                                                 const Connection<double>& connection, const FieldOptions& options,
+                                                 Context& context);
+
+/// The same for an Asset, or anything that has a mesh and an optional rig.
+template <class A>
+requires requires(const A& asset) {
+  { asset.mesh } -> std::convertible_to<const TriangleMesh<double>&>;
+  { asset.rig } -> std::convertible_to<const std::optional<Rig>&>;
+}
+[[nodiscard]] Expected<FieldResult> design_field(const A& asset, const Connection<double>& connection,
+                                                 const FieldOptions& options, Context& context) {
+  return design_field(asset.mesh, asset.rig ? &*asset.rig : nullptr, connection, options, context);
+}
 
 }  // namespace quadrig
 

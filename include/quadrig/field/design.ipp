@@ -457,10 +457,10 @@ QUADRIG_INLINE Expected<FieldResult> design_smooth_field(const FieldProblem& pro
 
 }  // namespace detail
 
-QUADRIG_INLINE Expected<FieldResult> design_field(const Asset& asset, const Connection<double>& connection,
-                                                  const FieldOptions& options, Context& context) {
+QUADRIG_INLINE Expected<FieldResult> design_field(const TriangleMesh<double>& mesh, const Rig* rig,
+                                                  const Connection<double>& connection, const FieldOptions& options,
+                                                  Context& context) {
   const Stopwatch clock;
-  const TriangleMesh<double>& mesh = asset.mesh;
   if (Status status = options.validate(mesh.face_count()); !status.ok()) return status.error();
   for (Index f = 0; f < mesh.face_count(); ++f)
     if (!(mesh.area(f) > 0))
@@ -473,12 +473,12 @@ QUADRIG_INLINE Expected<FieldResult> design_field(const Asset& asset, const Conn
   report.vertices = mesh.vertex_count();
   report.faces = mesh.face_count();
   report.interior_edges = mesh.interior_edge_count();
-  if (asset.rig) {
-    auto dominance = Dominance::create(mesh, *asset.rig);
+  if (rig) {
+    auto dominance = Dominance::create(mesh, *rig);
     if (!dominance) return dominance.error();
     problem.dominance = std::move(*dominance);
-    problem.skeleton = &asset.rig->skeleton;
-    report.bones = asset.rig->skeleton.bone_count();
+    problem.skeleton = &rig->skeleton;
+    report.bones = rig->skeleton.bone_count();
   } else if (options.preset == FieldPreset::thesis) {
     return Error{ErrorCode::bad_option, "the thesis preset needs a rig", "field, preset", "use default or static"};
   } else {
