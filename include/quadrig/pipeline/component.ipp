@@ -1,5 +1,6 @@
 #pragma once
 
+#include "quadrig/field/surgery.hpp"
 #include "quadrig/pipeline/component.hpp"
 #include "quadrig/pipeline/map_stage.hpp"
 #include "quadrig/prepare/split_edges.hpp"
@@ -156,6 +157,7 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
   };
   static constexpr std::array<Attempt, 5> attempts{
       {{1, 1.5, true}, {2, 1.0, true}, {4, 0.7, false}, {8, 0.5, false}, {16, 0.35, false}}};
+  static constexpr int max_operations = 6;
   for (const Attempt& attempt : attempts) {
     if (context.cancelled()) return cancelled_error("remesh");
     const auto leave = [&](const std::string& reason) {
@@ -200,42 +202,59 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
     }
     result.seconds.field += field->report.seconds;
     const std::vector<Index>& index = field->singularities.index4;
-    Index extreme = 0;
-    for (Index v = 0; v < mesh.vertex_count(); ++v)
-      extreme += index[at(v)] > 1 || index[at(v)] < (mesh.on_boundary(v) ? -2 : -3);
-    if (extreme > 0) {
-      leave("field: " + count_of(extreme, "vertex of valence below 3 or above 7"));
-      continue;
-    }
-    if (shared.sizes) {
-      if (Status status = apply_sizes(mesh, connection, *shared.sizes, shared.connection, piece.parent, quads, area,
-                                      field->matching, field->frames, context);
-          !status.ok()) {
-        leave("sizes: " + status.error().message());
-        continue;
-      }
-    }
+    FieldSurgery surgery(mesh, field->frames, field->matching, field->singularities);
+    std::vector<char> held(at(mesh.face_count()), 0);
+    for (Index h = 0; h < mesh.halfedge_count(); ++h)
+      if (mesh.twin(h) == no_index || (crease < 3.14 && dihedral_angle(mesh, h) > crease)) held[at(h / 3)] = 1;
+    surgery.split_extremes();
+    surgery.cancel_pairs(0.75 * edge);
 
-    std::vector<std::int8_t> rotation(at(mesh.halfedge_count()));
-    for (std::size_t h = 0; h < rotation.size(); ++h) rotation[h] = static_cast<std::int8_t>(field->matching.r[h] & 3);
-    const CutGraph cut = make_cut_graph(mesh, rotation, index);
-    bool pinned = false;
-    const std::vector<Aligned> aligned = alignment(mesh, connection, cut, field->frames, crease, pinned);
-    const TargetEdges target = target_edges(mesh, connection, cut, field->frames.u, field->frames.v);
-    const MapInput input{mesh, connection, cut, index, aligned, target, quads};
-    Expected<MapOutput> mapped = pinned ? map_stage<double>(input, options, result.seconds, context)
-                                        : map_stage<Complex>(input, options, result.seconds, context);
-    if (!mapped) {
+    // The map, and where it fails the field again with the pair of singularities next to the failure cancelled.
+    for (int operation = 0; operation <= max_operations; ++operation) {
+      if (Status status = surgery.apply(held, context); !status.ok()) {
+        leave("field: " + status.error().message());
+        break;
+      }
+      Index extreme = 0;
+      for (Index v = 0; v < mesh.vertex_count(); ++v)
+        extreme += index[at(v)] > 1 || index[at(v)] < (mesh.on_boundary(v) ? -2 : -3);
+      if (extreme > 0) {
+        leave("field: " + count_of(extreme, "vertex") + " of valence below 3 or above 7");
+        break;
+      }
+      FrameField frames = field->frames;
+      if (shared.sizes) {
+        if (Status status = apply_sizes(mesh, connection, *shared.sizes, shared.connection, piece.parent, quads, area,
+                                        field->matching, frames, context);
+            !status.ok()) {
+          leave("sizes: " + status.error().message());
+          break;
+        }
+      }
+      std::vector<std::int8_t> rotation(at(mesh.halfedge_count()));
+      for (std::size_t h = 0; h < rotation.size(); ++h)
+        rotation[h] = static_cast<std::int8_t>(field->matching.r[h] & 3);
+      const CutGraph cut = make_cut_graph(mesh, rotation, index);
+      bool pinned = false;
+      const std::vector<Aligned> aligned = alignment(mesh, connection, cut, frames, crease, pinned);
+      const TargetEdges target = target_edges(mesh, connection, cut, frames.u, frames.v);
+      const MapInput input{mesh, connection, cut, index, aligned, target, quads};
+      std::vector<Index> trouble;
+      Expected<MapOutput> mapped = pinned ? map_stage<double>(input, options, result.seconds, trouble, context)
+                                          : map_stage<Complex>(input, options, result.seconds, trouble, context);
+      if (mapped) {
+        for (const std::string& reason : mapped->reasons) leave(reason);
+        result.report.rung = mapped->rung;
+        result.report.singularities = field->singularities.plus + field->singularities.minus;
+        result.field = std::move(field->report);
+        finish(mesh, piece.parent, std::move(mapped->quads));
+        return result;
+      }
       if (mapped.error().code == ErrorCode::cancelled) return mapped.error();
       leave(mapped.error().what);
-      continue;
+      if (trouble.empty() || !surgery.cancel_near(trouble)) break;
+      surgery.split_extremes();
     }
-    for (const std::string& reason : mapped->reasons) leave(reason);
-    result.report.rung = mapped->rung;
-    result.report.singularities = field->report.singularities_plus + field->report.singularities_minus;
-    result.field = std::move(field->report);
-    finish(mesh, piece.parent, std::move(mapped->quads));
-    return result;
   }
 
   SplitOptions split_options;

@@ -70,9 +70,10 @@ inline std::string count_of(Index n, const char* what) {
   return loops;
 }
 
+/// \param trouble faces at which no valid map was found, where that was the reason
 template <class K>
 [[nodiscard]] Expected<MapOutput> map_stage(const MapInput& in, const RemeshOptions& options, StageSeconds& seconds,
-                                            Context& context) {
+                                            std::vector<Index>& trouble, Context& context) {
   const TriangleMesh<double>& mesh = in.mesh;
   MapOutput out;
   Stopwatch watch;
@@ -103,6 +104,8 @@ template <class K>
     if (!solved) return solved.error();
     valid = solved->defects.valid();
     if (valid) break;
+    trouble = solved->defects.flipped_faces;
+    for (const Index v : solved->defects.wrong_vertices) trouble.push_back(mesh.outgoing(v) / 3);
     out.reasons.push_back("seamless map at fidelity " + std::to_string(fidelity).substr(0, 4) + ": " +
                           count_of(solved->defects.flips, "flipped triangle") + ", " +
                           count_of(solved->defects.wrong_cones, "wrong cone"));

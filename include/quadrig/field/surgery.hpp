@@ -1,0 +1,232 @@
+// Singularities moved, split and cancelled: whole quarter turns of the matching along paths of edges, then the smallest
+// rotation of the frames that makes them so.
+#pragma once
+
+#include <queue>
+#include <span>
+#include <unordered_map>
+
+#include "quadrig/energy.hpp"
+#include "quadrig/field/matching.hpp"
+#include "quadrig/solver.hpp"
+
+namespace quadrig {
+
+/// Changes a field's singularities where the map cannot take them. Paths of half-edges are gathered, then `apply`
+/// turns the frames; the matching is updated and never rounded again.
+class FieldSurgery {
+ public:
+  FieldSurgery(const TriangleMesh<double>& mesh, FrameField& frames, Matching& matching, Singularities& singularities)
+      : mesh_(mesh), frames_(frames), matching_(matching), singularities_(singularities) {}
+
+  /// One unit of I4 goes from the origin of the half-edge to its target.
+  void move_unit(Index h) {
+    constexpr double quarter = std::numbers::pi / 2;
+    const Index g = mesh_.twin(h);
+    ++matching_.r[at(h)];
+    --matching_.r[at(g)];
+    matching_.rho[at(h)] -= quarter;
+    matching_.rho[at(g)] += quarter;
+    --singularities_.index4[at(mesh_.origin(h))];
+    ++singularities_.index4[at(mesh_.target(h))];
+    ++moves_;
+  }
+
+  /// Splits vertices whose valence would be below 3 or above 7 by a unit to or from a neighbour. Returns how many.
+  Index split_extremes() {
+    Index split = 0;
+    for (Index v = 0; v < mesh_.vertex_count(); ++v) {
+      if (mesh_.outgoing(v) == no_index || mesh_.on_boundary(v)) continue;
+      for (int guard = 0; guard < 8 && index(v) > 1; ++guard, ++split) {
+        const Index h = best_step(v, [&](Index w) { return index(w); });
+        if (h == no_index) break;
+        move_unit(h);
+      }
+      for (int guard = 0; guard < 8 && index(v) < -3; ++guard, ++split) {
+        const Index h = best_step(v, [&](Index w) { return -index(w); });
+        if (h == no_index) break;
+        move_unit(mesh_.twin(h));
+      }
+    }
+    return split;
+  }
+
+  /// Cancels pairs of opposite sign that are joined by an edge path shorter than `length`, the closest first. Returns
+  /// how many pairs went.
+  Index cancel_pairs(double length) {
+    Index cancelled = 0;
+    struct Pair {
+      double length;
+      Index plus, minus;
+      bool operator<(const Pair& o) const {
+        return std::tie(length, plus, minus) < std::tie(o.length, o.plus, o.minus);
+      }
+    };
+    std::vector<Pair> pairs;
+    for (Index v = 0; v < mesh_.vertex_count(); ++v)
+      if (interior(v) && index(v) > 0)
+        search({v}, length, [&](Index w, double d) {
+          if (interior(w) && index(w) < 0) pairs.push_back({d, v, w});
+          return false;
+        });
+    std::sort(pairs.begin(), pairs.end());
+    for (const Pair& pair : pairs)
+      if (index(pair.plus) > 0 && index(pair.minus) < 0 && cancel(pair.plus, pair.minus)) ++cancelled;
+    return cancelled;
+  }
+
+  /// Cancels the closest pair of opposite sign among the singularities near some faces. False where there is none.
+  bool cancel_near(std::span<const Index> faces) {
+    std::vector<Index> seeds;
+    for (const Index f : faces)
+      for (int i = 0; i < 3; ++i) seeds.push_back(mesh_.faces()(f, i));
+    std::sort(seeds.begin(), seeds.end());
+    seeds.erase(std::unique(seeds.begin(), seeds.end()), seeds.end());
+    std::vector<Index> near;
+    bool plus = false, minus = false;
+    search(seeds, std::numeric_limits<double>::infinity(), [&](Index w, double) {
+      if (interior(w) && index(w) != 0) {
+        near.push_back(w);
+        (index(w) > 0 ? plus : minus) = true;
+      }
+      return near.size() >= 8 && plus && minus;
+    });
+    if (!plus || !minus) return false;
+    double closest = std::numeric_limits<double>::infinity();
+    Index from = no_index, to = no_index;
+    for (const Index v : near)
+      if (index(v) > 0)
+        search({v}, std::numeric_limits<double>::infinity(), [&](Index w, double d) {
+          if (d >= closest) return true;
+          if (interior(w) && index(w) < 0 && std::find(near.begin(), near.end(), w) != near.end()) {
+            closest = d;
+            from = v;
+            to = w;
+            return true;
+          }
+          return false;
+        });
+    return from != no_index && cancel(from, to);
+  }
+
+  /// Turns the frames by the least rotations that agree with the changed matching; faces in `held` stay as they are.
+  /// \fails numeric. \cost one sparse factorization with one unknown a face; nothing where nothing was changed.
+  Status apply(const std::vector<char>& held, Context& context) {
+    if (moves_ == 0) return {};
+    moves_ = 0;
+    const Index m = mesh_.face_count();
+    QuadraticForm<double> form(m);
+    bool pinned = false;
+    for (Index f = 0; f < m; ++f)
+      if (!held.empty() && held[at(f)]) {
+        form.fix(f, 0.0);
+        pinned = true;
+      }
+    if (!pinned) form.fix(0, 0.0);
+    const RowTerm turn{"turn", [&](EmitRow<double> emit) {
+                         for (Index h = 0; h < mesh_.halfedge_count(); ++h) {
+                           const Index g = mesh_.twin(h);
+                           if (g < h) continue;
+                           const std::array<Index, 2> where{h / 3, g / 3};
+                           const std::array<double, 2> factor{1, -1};
+                           const double weight =
+                               mesh_.edge_vector(h).squaredNorm() / (mesh_.area(h / 3) + mesh_.area(g / 3));
+                           emit({where, factor, -matching_.rho[at(h)], std::clamp(weight, 1e-3, 1e3)});
+                         }
+                       }};
+    if (Status status = form.assemble(turn); !status.ok()) return status;
+    Expected<AnySolver<double>> solver = make_solver<double>();
+    if (!solver) return solver.error();
+    if (Status status = solver->prepare(form.matrix(), form.pattern_version(), context); !status.ok()) return status;
+    std::vector<double> free_values(at(form.free_count()));
+    if (SolveInfo info = solver->solve(form.rhs(), free_values, context); !info.status.ok()) return info.status;
+    const std::vector<double> delta = form.expand(free_values);
+    for (Index f = 0; f < m; ++f) {
+      const Complex rotation = std::polar(1.0, delta[at(f)]);
+      frames_.u[at(f)] *= rotation;
+      frames_.v[at(f)] *= rotation;
+    }
+    for (Index h = 0; h < mesh_.halfedge_count(); ++h)
+      if (const Index g = mesh_.twin(h); g != no_index) matching_.rho[at(h)] += delta[at(h / 3)] - delta[at(g / 3)];
+    singularities_.plus = singularities_.minus = 0;
+    for (Index v = 0; v < mesh_.vertex_count(); ++v)
+      if (interior(v) && index(v) != 0) ++(index(v) > 0 ? singularities_.plus : singularities_.minus);
+    return {};
+  }
+
+ private:
+  [[nodiscard]] static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+  [[nodiscard]] Index index(Index v) const { return singularities_.index4[at(v)]; }
+  [[nodiscard]] bool interior(Index v) const { return mesh_.outgoing(v) != no_index && !mesh_.on_boundary(v); }
+
+  /// The half-edge from v to the inner neighbour with the least cost.
+  template <class Cost>
+  [[nodiscard]] Index best_step(Index v, Cost&& cost) const {
+    Index best = no_index, best_cost = 0;
+    Index h = mesh_.outgoing(v);
+    const Index start = h;
+    do {
+      const Index w = mesh_.target(h);
+      if (interior(w) && (best == no_index || cost(w) < best_cost)) {
+        best = h;
+        best_cost = cost(w);
+      }
+      h = mesh_.next_around(h);
+    } while (h != no_index && h != start);
+    return best;
+  }
+
+  /// Shortest edge paths from seeds over inner vertices; visit(vertex, distance) returns true to stop.
+  template <class Visit>
+  void search(const std::vector<Index>& seeds, double limit, Visit&& visit) {
+    reached_.clear();
+    using Entry = std::pair<double, Index>;
+    std::priority_queue<Entry, std::vector<Entry>, std::greater<>> queue;
+    for (const Index v : seeds) {
+      reached_[v] = {0, no_index};
+      queue.push({0, v});
+    }
+    while (!queue.empty()) {
+      const auto [d, v] = queue.top();
+      queue.pop();
+      if (d > reached_[v].first) continue;
+      if (visit(v, d)) return;
+      if (mesh_.outgoing(v) == no_index) continue;
+      Index h = mesh_.outgoing(v);
+      const Index start = h;
+      do {
+        const Index w = mesh_.target(h);
+        const double next = d + mesh_.edge_vector(h).norm();
+        if (next <= limit && interior(w)) {
+          const auto known = reached_.find(w);
+          if (known == reached_.end() || next < known->second.first) {
+            reached_[w] = {next, h};
+            queue.push({next, w});
+          }
+        }
+        h = mesh_.next_around(h);
+      } while (h != no_index && h != start);
+    }
+  }
+
+  bool cancel(Index plus, Index minus) {
+    bool found = false;
+    search({plus}, std::numeric_limits<double>::infinity(), [&](Index w, double) { return found = w == minus; });
+    if (!found) return false;
+    for (Index v = minus; v != plus;) {
+      const Index h = reached_[v].second;
+      move_unit(h);
+      v = mesh_.origin(h);
+    }
+    return true;
+  }
+
+  const TriangleMesh<double>& mesh_;
+  FrameField& frames_;
+  Matching& matching_;
+  Singularities& singularities_;
+  std::unordered_map<Index, std::pair<double, Index>> reached_;
+  Index moves_ = 0;
+};
+
+}  // namespace quadrig
