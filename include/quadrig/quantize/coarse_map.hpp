@@ -51,7 +51,7 @@ class MapDecimator {
  public:
   MapDecimator(const TriangleMesh<double>& mesh, const CutGraph& cut, const std::vector<Index>& index,
             const std::vector<Aligned>& aligned, const std::vector<Complex>& z)
-      : mesh_(mesh), face_count_(mesh.face_count()) {
+      : face_count_(mesh.face_count()) {
     const Index half_edges = mesh.halfedge_count(), n = mesh.vertex_count();
     origin_.resize(at(half_edges));
     twin_.resize(at(half_edges));
@@ -530,7 +530,6 @@ class MapDecimator {
     Index translation;
   };
 
-  const TriangleMesh<double>& mesh_;
   Index face_count_;
   std::vector<Index> origin_, twin_, outgoing_, translation_, corner_translation_;
   std::vector<std::int8_t> rotation_, corner_rotation_;
