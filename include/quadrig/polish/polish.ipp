@@ -26,17 +26,71 @@ class Polisher {
   PolishReport run(Context& context) {
     PolishReport report;
     std::tie(report.least_before, report.average_before) = statistics();
-    for (; report.rounds < options_.rounds && !context.cancelled(); ++report.rounds) {
-      double moved = 0;
-      for (Index v = 0; v < quads_.vertex_count(); ++v) moved = std::max(moved, move(v));
-      if (moved < 1e-3) break;
-    }
+    report.rounds += rounds(options_.rounds, context);
     std::tie(report.least_after, report.average_after) = statistics();
+    // Quads that no single vertex can free: even out a patch around them, whatever that does, and go on from there.
+    for (const int rings : {2, 3, 5, 8}) {
+      if (report.least_after > options_.freed || context.cancelled()) break;
+      const auto positions = quads_.positions;
+      const auto source = quads_.source;
+      const auto border = border_;
+      relax_around(rings);
+      report.rounds += rounds(options_.rounds, context);
+      const auto [least, average] = statistics();
+      if (least > report.least_after) {
+        report.least_after = least;
+        report.average_after = average;
+      } else {
+        quads_.positions = positions;
+        quads_.source = source;
+        border_ = border;
+      }
+    }
     return report;
   }
 
  private:
   static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+
+  int rounds(int most, Context& context) {
+    int done = 0;
+    for (; done < most && !context.cancelled(); ++done) {
+      double moved = 0;
+      for (Index v = 0; v < quads_.vertex_count(); ++v) moved = std::max(moved, move(v));
+      if (moved < 1e-3) break;
+    }
+    return done;
+  }
+
+  /// Ten rounds of plain averaging over the vertices within `rings` of the quads that are (nearly) inverted.
+  void relax_around(int rings) {
+    std::vector<char> patch(at(quads_.vertex_count()), 0);
+    for (Index q = 0; q < quads_.quad_count(); ++q)
+      if (scaled_jacobian(quads_.positions, quads_.quads.row(q)) <= options_.freed)
+        for (int i = 0; i < 4; ++i) patch[at(quads_.quads(q, i))] = 1;
+    for (int ring = 1; ring < rings; ++ring) {
+      std::vector<char> grown = patch;
+      for (Index q = 0; q < quads_.quad_count(); ++q) {
+        bool touches = false;
+        for (int i = 0; i < 4; ++i) touches = touches || patch[at(quads_.quads(q, i))];
+        for (int i = 0; touches && i < 4; ++i) grown[at(quads_.quads(q, i))] = 1;
+      }
+      patch = std::move(grown);
+    }
+    for (int round = 0; round < 10; ++round)
+      for (Index v = 0; v < quads_.vertex_count(); ++v) {
+        if (!patch[at(v)] || fixed_[at(v)]) continue;
+        Vector3 mean = Vector3::Zero();
+        double count = 0;
+        for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k) {
+          const Index q = incident_[k] / 4;
+          const int i = incident_[k] % 4;
+          mean += point(quads_.quads(q, (i + 1) % 4)) + point(quads_.quads(q, (i + 3) % 4));
+          count += 2;
+        }
+        put(v, project(v, mean / count));
+      }
+  }
 
   struct Place {
     Vector3 position;
