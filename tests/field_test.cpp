@@ -403,3 +403,18 @@ TEST_CASE("field: bad options and bad input are errors that name themselves", "[
   REQUIRE(!cancelled);
   CHECK(cancelled.error().code == ErrorCode::cancelled);
 }
+
+TEST_CASE("field: the smallest surfaces have a field", "[field]") {
+  Points<double> corners(4, 3);
+  corners << 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1;
+  Triangles one(1, 3), closed(4, 3);
+  one << 0, 1, 2;
+  closed << 0, 2, 1, 0, 1, 3, 1, 2, 3, 0, 3, 2;
+  for (const bool follow : {true, false}) {
+    FieldOptions options;
+    options.follow_boundary = follow;
+    CHECK(design({test::build(corners.topRows(3), one), {}}, options).report.index_sum == 4);
+    CHECK(design({test::build(corners, closed), {}}, options).report.index_sum == 8);
+    CHECK(design({TriangleMesh<double>(), {}}, options).report.index_sum == 0);
+  }
+}

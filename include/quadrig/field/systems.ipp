@@ -37,7 +37,7 @@ QUADRIG_INLINE Status FieldSolver::assemble(Slot& slot, const FieldSystem& syste
     Index unknown = 0;
     for (std::size_t f = 0; f < held.size(); ++f) {
       if (held[f]) continue;
-      if (system.unpinned[f] != no_index) slot.form.add_to_diagonal(unknown, 1e-8 * mean);
+      if (system.unpinned[f] != no_index) slot.form.add_to_diagonal(unknown, mean > 0 ? 1e-8 * mean : 1);
       ++unknown;
     }
   }
