@@ -44,6 +44,7 @@ int run(int argc, char** argv) {
       ->check(CLI::Range(0, 4096))
       ->type_name("N");
   cli::Run verb;
+  cli::add_remesh(app, verb);
   cli::add_field(app, verb);
   cli::add_dominance(app, verb);
   cli::add_stats(app, verb);

@@ -1,0 +1,206 @@
+// quadrig remesh: the whole way.
+#include "command.hpp"
+#include "quadrig/pipeline.hpp"
+
+namespace quadrig::cli {
+namespace {
+
+struct Options {
+  Input input;
+  RemeshOptions remesh;
+  std::string preset = "default", density;
+  SizingOptions sizing;
+  bool aspect_given = false;
+  double crease_degrees = 0;
+  std::filesystem::path output, report, weights_out;
+  bool binary_weights = false;
+};
+
+Json options_json(const Options& o) {
+  const auto unless_set = [](const std::optional<double>& value) { return value ? Json(*value) : Json(nullptr); };
+  Json json = {{"quads", o.remesh.quads},
+               {"preset", o.preset},
+               {"bones", unless_set(o.remesh.directions.bones)},
+               {"curvature", unless_set(o.remesh.directions.curvature)},
+               {"posed", o.remesh.directions.posed}};
+  if (o.remesh.sizing)
+    json["sizing"] = {{"density", density_source_name(o.remesh.sizing->density)},
+                      {"largest_aspect", o.remesh.sizing->largest_aspect},
+                      {"joint_weight", o.remesh.sizing->joint_weight},
+                      {"least_density", o.remesh.sizing->least_density},
+                      {"largest_density", o.remesh.sizing->largest_density},
+                      {"gradation", o.remesh.sizing->gradation}};
+  else
+    json["sizing"] = nullptr;
+  json["bend_degrees"] = o.remesh.bend_degrees;
+  json["crease_degrees"] = o.crease_degrees > 0 ? Json(o.crease_degrees) : Json(nullptr);
+  json["influences"] = o.remesh.influences;
+  json["count_tolerance"] = o.remesh.count_tolerance;
+  json["solver"] = o.remesh.solver;
+  json["strict"] = o.input.load.prepare.strict;
+  return json;
+}
+
+Json report_json(const Options& options, const LoadedAsset& loaded, const RemeshReport& r, double read_seconds,
+                 std::span<const Warning> warnings) {
+  Json report = report_head("remesh", options.input, loaded);
+  report["options"] = options_json(options);
+  report["valid"] = r.valid;
+  report["quads"] = r.quads;
+  report["vertices"] = r.vertices;
+  report["irregular"] = r.irregular;
+  report["scaled_jacobian"] = {{"average", r.scaled_jacobian_average}, {"minimum", r.scaled_jacobian_minimum}};
+  report["minimum_count"] = r.minimum_count;
+  report["components"] = Json::array();
+  for (const ComponentReport& c : r.components)
+    report["components"].push_back({{"faces", c.faces},
+                                    {"asked", c.asked},
+                                    {"quads", c.quads},
+                                    {"irregular", c.irregular},
+                                    {"singularities", c.singularities},
+                                    {"rung", rung_name(c.rung)},
+                                    {"reasons", c.reasons}});
+  report["field"] = {{"preset", field_preset_name(r.field.preset)},
+                     {"singularities_plus", r.field.singularities_plus},
+                     {"singularities_minus", r.field.singularities_minus},
+                     {"index_sum", r.field.index_sum},
+                     {"mean_angle_to_bone_deg", r.field.mean_angle_to_bone_deg},
+                     {"residual", r.field.solve.residual}};
+  report["seconds"] = {
+      {"read", read_seconds},       {"metric", r.seconds.metric},     {"field", r.seconds.field},
+      {"map", r.seconds.map},       {"integers", r.seconds.integers}, {"extraction", r.seconds.extraction},
+      {"polish", r.seconds.polish}, {"transfer", r.seconds.transfer}, {"total", read_seconds + r.seconds.total}};
+  Json all = warnings_json(warnings);
+  for (const Json& warning : warnings_json(r.warnings))
+    if (std::find(all.begin(), all.end(), warning) == all.end()) all.push_back(warning);
+  report["warnings"] = all;
+  return report;
+}
+
+Status remesh_files(Options options, Session& session) {
+  const Input& input = options.input;
+  const std::filesystem::path& weights_out = options.weights_out;
+  if (Status status = check_outputs(input, {options.output, options.report, weights_out}); !status) return status;
+  if (options.output.extension() != ".obj")
+    return Error{ErrorCode::bad_option, "quads are written as OBJ alone", options.output.string(), "name an .obj file"};
+  if (!weights_out.empty() && input.files.rig.empty())
+    return Error{ErrorCode::bad_option, "weights asked of an asset without a rig", weights_out.string(),
+                 "give --rig and --weights"};
+  const Expected<FieldPreset> preset = field_preset(options.preset);
+  if (!preset) return preset.error();
+  options.remesh.preset = *preset;
+  if (!options.density.empty()) {
+    const Expected<DensitySource> density = density_source(options.density);
+    if (!density) return density.error();
+    options.sizing.density = *density;
+    if (*density == DensitySource::uniform && !options.aspect_given) options.sizing.largest_aspect = 1;
+    options.remesh.sizing = options.sizing;
+  }
+  if (options.crease_degrees > 0) options.remesh.crease_angle_radians = options.crease_degrees * std::numbers::pi / 180;
+  if (Status status = options.remesh.validate(); !status) return status;
+
+  const Stopwatch watch;
+  const Expected<LoadedAsset> loaded = load(input, session);
+  if (!loaded) return loaded.error();
+  const double read_seconds = watch.seconds();
+  const Expected<RemeshResult> result = remesh(loaded->asset, options.remesh, session.context);
+  if (!result) return result.error();
+  const RemeshReport& r = result->report;
+  if (!r.valid)
+    return Error{ErrorCode::stage_failed, "the quads break a rule of validity", "remesh", "ask for more quads"};
+
+  FileSet files;
+  if (Status status = files.add(options.output, obj_text(result->mesh)); !status) return status;
+  if (!weights_out.empty()) {
+    const DmatFormat format = options.binary_weights ? DmatFormat::binary : DmatFormat::ascii;
+    if (Status status = files.add(weights_out, dmat_text(*result->weights, format)); !status) return status;
+  }
+  if (!options.report.empty()) {
+    const Json report = report_json(options, *loaded, r, read_seconds, session.context.warnings);
+    if (Status status = files.add(options.report, report.dump(2) + "\n"); !status) return status;
+  }
+  if (Status status = files.commit(); !status) return status;
+  std::string line =
+      options.output.string() + ": " + std::to_string(r.quads) + " quads, " + std::to_string(r.irregular) +
+      " irregular vertices, scaled Jacobian " + decimals(r.scaled_jacobian_average, 3) + " on average and " +
+      decimals(r.scaled_jacobian_minimum, 3) + " at least, " + decimals(read_seconds + r.seconds.total, 2) + " s";
+  if (r.minimum_count > 0) line += "; this surface needs at least " + std::to_string(r.minimum_count) + " quads";
+  session.say(line);
+  return {};
+}
+
+}  // namespace
+
+void add_remesh(CLI::App& app, Run& run) {
+  auto options = std::make_shared<Options>();
+  RemeshOptions& remesh = options->remesh;
+  CLI::App* verb = app.add_subcommand("remesh", "Quads that follow the rig, with the rig's weights");
+  add_input(*verb, options->input);
+  verb->add_option("--quads", remesh.quads, "How many quads")->required()->type_name("N");
+  verb->add_option("-o,--output", options->output, "The quads, 17 digits a number")->required()->type_name("OUT.obj");
+  verb->add_option("--weights-out", options->weights_out, "Their skin weights")->type_name("W.dmat");
+  verb->add_flag("--binary-weights", options->binary_weights, "Write the weights as binary DMAT");
+  verb->add_option("--report", options->report, "The figures as JSON (docs/report-schema.json)")->type_name("FILE");
+  verb->add_option("--preset", options->preset,
+                   "default: the rig's directions, sizes by how it bends; thesis: the exact energy and densities of "
+                   "the thesis; static: no rig, along the curvature")
+      ->check(CLI::IsMember({"default", "thesis", "static"}))
+      ->capture_default_str()
+      ->type_name("default|thesis|static");
+  verb->add_option("--creases", options->crease_degrees, "Edges that bend more than this stay edges, degrees")
+      ->check(CLI::Range(0.0, 180.0))
+      ->type_name("ANGLE");
+  verb->add_option("--influences", remesh.influences, "Most weights that a vertex keeps")
+      ->capture_default_str()
+      ->type_name("N");
+
+  const std::string group = "Directions and sizes (where not given, the preset's)";
+  const auto pull = [&](const std::string& name, std::optional<double>& place, const std::string& text) {
+    verb->add_option_function<double>(
+            name, [&place](const double& value) { place = value; }, text)
+        ->check(CLI::NonNegativeNumber)
+        ->type_name("WEIGHT")
+        ->group(group);
+  };
+  pull("--bones", remesh.directions.bones, "Pull of the bones on the directions");
+  pull("--curvature", remesh.directions.curvature, "Pull of the curvature at rest");
+  verb->add_option("--posed", remesh.directions.posed, "Pull of the curvature over the poses")
+      ->check(CLI::NonNegativeNumber)
+      ->type_name("WEIGHT")
+      ->group(group);
+  auto* density = verb->add_option("--density", options->density, "What decides the size of a quad");
+  density->check(CLI::IsMember({"uniform", "field", "blend", "rest", "posed"}))
+      ->type_name("uniform|field|blend|rest|posed")
+      ->group(group);
+  const auto size = [&](const std::string& name, double& place, const std::string& text) {
+    return verb->add_option(name, place, text)->needs(density)->capture_default_str()->type_name("X")->group(group);
+  };
+  size("--aspect", options->sizing.largest_aspect, "Longest over shortest side, at most")
+      ->each([options](const std::string&) { options->aspect_given = true; });
+  size("--joint-weight", options->sizing.joint_weight, "How much more an error counts where weights blend");
+  size("--least-density", options->sizing.least_density, "Of the mean");
+  size("--largest-density", options->sizing.largest_density, "Of the mean");
+  size("--gradation", options->sizing.gradation, "Change of size over one quad, at most");
+  verb->add_option("--bend", remesh.bend_degrees, "The poses: every bone bent by this both ways, degrees")
+      ->capture_default_str()
+      ->type_name("ANGLE")
+      ->group(group);
+
+  const std::string expert = "For experts";
+  verb->add_option("--count-tolerance", remesh.count_tolerance, "How far off the count may be")
+      ->capture_default_str()
+      ->type_name("SHARE")
+      ->group(expert);
+  verb->add_option("--solver", remesh.solver, "Linear solver")->capture_default_str()->type_name("NAME")->group(expert);
+  verb->footer(R"(Examples:
+  quadrig remesh arm.obj --rig arm.tgf --weights arm.dmat --quads 2000 -o quads.obj --weights-out quads.dmat
+  quadrig remesh bunny.off --quads 5000 -o quads.obj --report report.json
+  quadrig remesh fandisk.off --quads 3000 --creases 40 -o quads.obj
+  quadrig remesh arm.obj --rig arm.tgf --weights arm.dmat --quads 2000 --density posed --joint-weight 8 -o quads.obj
+
+On an error nothing is written, the reason is one line, and the exit code tells its kind: see quadrig --help.)");
+  verb->fallthrough();
+  verb->callback([options, &run] { run = [options](Session& session) { return remesh_files(*options, session); }; });
+}
+
+}  // namespace quadrig::cli

@@ -1,0 +1,122 @@
+#include "cli/run_command.hpp"
+
+#include "quadrig/io.hpp"
+
+using namespace quadrig;
+using namespace quadrig::test;
+
+namespace {
+
+std::size_t lines(const std::string& text) {
+  return static_cast<std::size_t>(std::count(text.begin(), text.end(), '\n'));
+}
+
+bool has(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
+
+}  // namespace
+
+TEST_CASE("command: help teaches by example, for each verb too", "[cli][fast]") {
+  const ScratchFolder folder("cli");
+  const CommandResult help = run_quadrig(folder, "--help");
+  CHECK(help.exit_code == 0);
+  CHECK(has(help.output, "Examples:"));
+  CHECK(has(help.output, "Exit codes:"));
+  for (const char* verb : {"remesh", "field", "dominance", "stats", "sample"}) {
+    INFO(verb);
+    CHECK(has(help.output, std::string("quadrig ") + (verb == std::string("dominance") ? "field" : verb)));
+    const CommandResult of_verb = run_quadrig(folder, std::string(verb) + " --help");
+    CHECK(of_verb.exit_code == 0);
+    CHECK(has(of_verb.output, std::string("quadrig ") + verb));
+  }
+  const CommandResult version = run_quadrig(folder, "--version");
+  CHECK(version.exit_code == 0);
+  CHECK(version.output == "quadrig " QUADRIG_VERSION "\n");
+}
+
+TEST_CASE("command: a wrong option is one line and exit code 2", "[cli][fast]") {
+  const ScratchFolder folder("cli");
+  write_text(folder / "a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+  write_text(folder / "a.tgf", "1 0 0 0\n2 1 0 0\n#\n1 2\n");
+  for (const char* arguments :
+       {"", "polish a.obj", "stats", "stats a.obj --colour", "field a.obj --preset best", "field a.obj --rig a.tgf",
+        "sample teapot -o d", "sample pear -o d --triangles 10", "sample pear --triangles 1000", "field a.obj -o a.obj",
+        "field a.obj -o f.png", "field a.obj --threads -1", "field a.obj --weld sometimes"}) {
+    INFO(arguments);
+    const CommandResult result = run_quadrig(folder, arguments);
+    CHECK(result.exit_code == 2);
+    CHECK(result.output.empty());
+    CHECK(lines(result.error) == 1);
+    CHECK(has(result.error, "quadrig: "));
+  }
+  CHECK(names_in(folder.path()) == std::vector<std::string>{"a.obj", "a.tgf"});
+}
+
+TEST_CASE("command: a file that is not there or not writable is exit code 3", "[cli][fast]") {
+  const ScratchFolder folder("cli");
+  write_text(folder / "a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+  CHECK(run_quadrig(folder, "stats none.obj").exit_code == 3);
+  CHECK(run_quadrig(folder, "field a.obj --report nowhere/report.json").exit_code == 3);
+  CHECK(run_quadrig(folder, "stats a.stl").exit_code == 5);
+  CHECK(names_in(folder.path()) == std::vector<std::string>{"a.obj"});
+}
+
+TEST_CASE("command: a sample loads without a warning, and its field and dominance are written", "[cli][fast]") {
+  const ScratchFolder folder("cli");
+  const CommandResult sample = run_quadrig(folder, "sample pear -o d/e --triangles 1000");
+  CHECK(sample.exit_code == 0);
+  CHECK(lines(sample.output) == 1);
+  CHECK(names_in(folder / "d/e") == std::vector<std::string>{"pear.dmat", "pear.obj", "pear.tgf"});
+  const std::string input = "d/e/pear.obj --rig d/e/pear.tgf --weights d/e/pear.dmat --strict ";
+  const CommandResult field = run_quadrig(folder, "field " + input + "-o f.obj --report f.json");
+  CHECK(field.exit_code == 0);
+  CHECK(field.error.empty());
+  CHECK(has(read_text(folder / "f.json"), "\"index_sum\": 8,"));
+  CHECK(has(read_text(folder / "f.json"), "\"faces_omega1_above_0.9\": "));
+  CHECK(has(read_text(folder / "f.obj"), "\nl 1 2\n"));
+  CHECK(run_quadrig(folder, "field " + input + "-o f.rawfield -q").output.empty());
+  CHECK(read_text(folder / "f.rawfield").rfind("4 ", 0) == 0);
+  const CommandResult dominance = run_quadrig(folder, "dominance " + input + "-o c.ply --report d.json");
+  CHECK(dominance.exit_code == 0);
+  CHECK(has(read_text(folder / "d.json"), "\"blending_area_share\": "));
+  Context context;
+  const auto coloured = read_ply(folder / "c.ply", {}, context);
+  REQUIRE(coloured.has_value());
+  const auto original = read_obj(folder / "d/e/pear.obj", {}, context);
+  REQUIRE(original.has_value());
+  CHECK(coloured->positions == original->positions);
+  CHECK(coloured->corners == original->corners);
+}
+
+TEST_CASE("command: stats tell a sound quad mesh from one that is not", "[cli][fast]") {
+  const ScratchFolder folder("cli");
+  write_text(folder / "cube.obj",
+             "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1\n"
+             "f 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n");
+  write_text(folder / "twisted.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 4 3\n");
+  const CommandResult sound = run_quadrig(folder, "stats cube.obj --json --input cube.obj");
+  CHECK(sound.exit_code == 0);
+  for (const char* part : {"\"valid\": true", "\"quads\": 6", "\"irregular\": 8", "\"genus\": 0", "\"minimum\": 1.0"}) {
+    INFO(part);
+    CHECK(has(sound.output, part));
+  }
+  const std::size_t distance = sound.output.find("\"hausdorff\": ");
+  REQUIRE(distance != std::string::npos);
+  CHECK(std::stod(sound.output.substr(distance + 13)) < 1e-12);
+  const CommandResult bad = run_quadrig(folder, "stats twisted.obj");
+  CHECK(bad.exit_code == 0);
+  CHECK(has(bad.output, "twisted.obj: not valid"));
+  CHECK(has(bad.output, "scaled Jacobian 0 or less"));
+}
+
+TEST_CASE("command: strict refuses what is mended otherwise", "[cli][fast]") {
+  const ScratchFolder folder("cli");
+  write_text(folder / "soup.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 4 5 6\nv 9 9 9\n");
+  const CommandResult mended = run_quadrig(folder, "field soup.obj");
+  CHECK(mended.exit_code == 0);
+  CHECK(has(mended.error, "warning: prepare: 2 doubled vertices welded"));
+  CHECK(has(mended.error, "warning: prepare: 1 vertex of no face dropped"));
+  CHECK(run_quadrig(folder, "field soup.obj -q").error.empty());
+  const CommandResult strict = run_quadrig(folder, "field soup.obj --strict");
+  CHECK(strict.exit_code == 4);
+  CHECK(lines(strict.error) == 1);
+}
