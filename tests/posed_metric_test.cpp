@@ -48,6 +48,7 @@ TEST_CASE("posed metric: a tube at rest is curved round its axis and its quads r
   Context context;
   const PosedForms forms = PosedForms::at_rest(mesh, connection);
   const PosedMetric metric = posed_metric(mesh, forms, {}, {}, context).value();
+  const PosedMetric by_sagitta = posed_metric(mesh, forms, {}, {.quad_error = QuadError::sagitta}, context).value();
   for (Index f = 0; f < mesh.face_count(); ++f) {
     if (x_of(mesh, f) < 0.5 || x_of(mesh, f) > length - 0.5) continue;
     const auto i = static_cast<std::size_t>(f);
@@ -58,9 +59,10 @@ TEST_CASE("posed metric: a tube at rest is curved round its axis and its quads r
     CHECK(angle_to_axis(connection, f, metric.direction[i]) < 1e-3);
     CHECK(metric.aspect[i] == Approx(4));
     CHECK(metric.alignment[i] > 0.8);
-    // at aspect 4 the sagitta of A = 1 is (1/4) / (8 r)
-    CHECK(std::sqrt(metric.error[i]) == Approx(1 / (32 * radius)).epsilon(0.01));
-    CHECK(forms.mean_square_sagitta(f, 0.3 * along, 0.2 * around) ==
+    // across the tube a quad of area 1 and aspect 4 spans 1/2: its curvature times its square is (1/4) / r
+    CHECK(std::sqrt(metric.error[i]) == Approx(1 / (4 * radius) / std::sqrt(120)).epsilon(0.01));
+    CHECK(std::sqrt(by_sagitta.error[i]) == Approx(1 / (4 * radius) / 8).epsilon(0.01));
+    CHECK(forms.mean_square_error(f, 0.3 * along, 0.2 * around, QuadError::sagitta) ==
           Approx(std::pow(0.04 / (8 * radius), 2)).epsilon(0.02));
   }
 }
@@ -176,21 +178,57 @@ TEST_CASE("posed metric: no other direction or aspect leaves a smaller error", "
   Context context;
   const PosedForms forms =
       PosedForms::create(mesh, connection, rig.weights, bend_poses(rig.skeleton, 80), {}, context).value();
-  const PosedMetric metric = posed_metric(mesh, forms, {}, {}, context).value();
-  for (Index f = 0; f < mesh.face_count(); f += 7) {
-    const auto i = static_cast<std::size_t>(f);
-    const Complex d = metric.direction[i];
-    CHECK(forms.mean_square_sagitta(f, d * std::sqrt(metric.aspect[i]),
-                                    Complex(0, 1) * d / std::sqrt(metric.aspect[i])) ==
-          Approx(metric.error[i]).epsilon(1e-9));
-    double least = std::numeric_limits<double>::infinity();
-    for (int k = 0; k < 180; ++k)
-      for (double rho = 1; rho < 4.01; rho += 0.05) {
-        const Complex z = std::polar(1.0, k * std::numbers::pi / 180);
-        least = std::min(least, forms.mean_square_sagitta(f, z * std::sqrt(rho), Complex(0, 1) * z / std::sqrt(rho)));
-      }
-    CHECK(metric.error[i] <= least * 1.01 + 1e-15);
+  for (const QuadError kind : {QuadError::sagitta, QuadError::triangles}) {
+    const PosedMetric metric = posed_metric(mesh, forms, {}, {.quad_error = kind}, context).value();
+    for (Index f = 0; f < mesh.face_count(); f += 13) {
+      const auto i = static_cast<std::size_t>(f);
+      const auto error = [&](Complex z, double rho) {
+        return forms.mean_square_error(f, z * std::sqrt(rho), Complex(0, 1) * z / std::sqrt(rho), kind);
+      };
+      CHECK(error(metric.direction[i], metric.aspect[i]) == Approx(metric.error[i]).epsilon(1e-9).margin(1e-15));
+      double least = std::numeric_limits<double>::infinity();
+      for (int k = 0; k < 180; ++k)
+        for (double rho = 1; rho < 4.01; rho += 0.05)
+          least = std::min(least, error(std::polar(1.0, k * std::numbers::pi / 180), rho));
+      CHECK(metric.error[i] <= least * 1.01 + 1e-15);
+    }
   }
+}
+
+TEST_CASE("posed metric: the error of triangles is that of linear interpolation of a quadratic",
+          "[posed_metric][fast]") {
+  // The saddle z = C(x, x) / 2 over the plane, and a quad on it cut along either diagonal.
+  const double xx = 0.7, xy = -0.4, yy = -0.2;
+  const auto height = [&](const Eigen::Vector2d& p) {
+    return 0.5 * (xx * p.x() * p.x() + 2 * xy * p.x() * p.y() + yy * p.y() * p.y());
+  };
+  // A surface so flat that its second form is that of the height.
+  const test::Grid fine{40, 40};
+  constexpr double flatness = 1e-4;
+  const auto mesh = test::build(fine.positions([&](Index i, Index j) {
+    const Eigen::Vector2d p(0.1 * i - 2, 0.1 * j - 2);
+    return Vector3(p.x(), p.y(), flatness * height(p));
+  }),
+                                fine.triangles());
+  const Connection<double> basis(mesh);
+  const PosedForms forms = PosedForms::at_rest(mesh, basis, 0);
+  const Index middle = 2 * (20 * 40 + 20);
+  const Eigen::Vector2d a(0.9, 0.2), b(-0.3, 0.8);
+  double squares = 0;
+  constexpr int steps = 300;
+  for (int diagonal = 0; diagonal < 2; ++diagonal) {
+    const Eigen::Vector2d first = diagonal ? a : Eigen::Vector2d(a + b), second = diagonal ? b : a;
+    // by symmetry the two triangles of a cut err alike: corners 0, a, and 0 + a + b or b
+    for (int i = 0; i < steps; ++i)
+      for (int j = 0; i + j < steps; ++j) {
+        const double u = (i + 1.0 / 3) / steps, v = (j + 1.0 / 3) / steps;
+        const double error = u * height(first) + v * height(second) - height(u * first + v * second);
+        squares += error * error / (steps * (steps + 1.0) / 2) / 2;
+      }
+  }
+  const auto in_basis = [&](const Eigen::Vector2d& p) { return basis.to_complex(middle, Vector3(p.x(), p.y(), 0)); };
+  CHECK(forms.mean_square_error(middle, in_basis(a), in_basis(b), QuadError::triangles) / (flatness * flatness) ==
+        Approx(squares).epsilon(0.01));
 }
 
 TEST_CASE("posed metric: a plane has density one and no direction", "[posed_metric][fast]") {

@@ -469,14 +469,25 @@ TEST_CASE("guidance: a tube's quads run along its bones and ring its hinge", "[q
   CHECK(area == Approx(1));
   CHECK(quads == Approx(1));
 
-  // Bones across the tube: edges are at right angles to them or along them, but say nothing where bones leave the
-  // surface.
+  // Bones across the tube: edges run along them or at right angles; where a bone leaves the surface nothing is said.
   Rig turned = tube.rig;
   turned.skeleton.bones[0].tail = {0, 0, 1};
   turned.skeleton.bones[1].tail = {3, 1, 0};
   const GuidanceFigures across = guidance_figures(tube.mesh, turned, tube.quads).value();
-  CHECK(across.bone_angle_mean_degrees < 1e-6);   // at right angles is along the cross as well
-  CHECK(across.bone_edges < figures.bone_edges);  // and where a bone runs into the surface it says nothing
+  CHECK(across.bone_angle_mean_degrees < 1e-6);
+  CHECK(across.bone_edges > 0);
+  CHECK(across.bone_edges < figures.bone_edges);
+
+  // Lines wound round the tube at 20° while the rings stay: 10° on average.
+  QuadMesh wound = tube.quads;
+  const ClosestPoint tree(tube.mesh);
+  for (Index v = 0; v < wound.vertex_count(); ++v) {
+    const Vector3 p = wound.positions.row(v).transpose();
+    const double angle = std::tan(20 * std::numbers::pi / 180) * p.x() / 0.5;
+    wound.positions.row(v) = (Eigen::AngleAxisd(angle, Vector3::UnitX()) * p).transpose();
+    wound.source[static_cast<std::size_t>(v)] = tree.closest(wound.positions.row(v).transpose());
+  }
+  CHECK(guidance_figures(tube.mesh, tube.rig, wound).value().bone_angle_mean_degrees == Approx(10).epsilon(0.1));
 }
 
 TEST_CASE("guidance: a torus is woven of closed loops", "[quality][fast]") {

@@ -1,14 +1,24 @@
 // How curved the surface gets when it moves, and the quads that follow it best: directions, aspect and density.
 //
-// A quad with rest edge vectors a, b leaves the sagitta e_p(a, b) = (|C_p(a, a)| + |C_p(b, b)|) / 8 between itself and
-// the surface of pose p, where C_p is the second fundamental form of the posed surface pulled back to the rest surface.
-// At a fixed area A of the quad e_p² = A² E_p(θ, ρ): the best angle θ and aspect ρ make E = Σ_p weight_p E_p least.
+// A quad with rest edge vectors a, b strays from the surface of pose p by an error e_p(a, b) that is quadratic in C_p,
+// the second fundamental form of the posed surface pulled back to the rest surface (QuadError says how). At a fixed
+// area A of the quad e_p² = A² E_p(θ, ρ): the best angle θ and aspect ρ make E = Σ_p weight_p E_p least.
 #pragma once
 
 #include "quadrig/connection.hpp"
 #include "quadrig/skinning.hpp"
 
 namespace quadrig {
+
+/// How far a quad with edge vectors a, b strays from the surface of a pose, squared; with A = C(a, a), B = C(b, b),
+/// M = C(a, b):
+enum class QuadError : std::uint8_t {
+  /// (|A| + |B|)² / 64: the sagitta at the middle of the patch. On a saddle the lines without curvature are best.
+  sagitta,
+  /// (3 A² + 3 B² + 5 A B + 4 M²) / 360: the mean square distance of the two triangles that a renderer draws, over both
+  /// diagonals (quadratic interpolation error, integrated). Principal directions are best everywhere.
+  triangles,
+};
 
 /// C_p of every face and pose. Poses that move a face as a rigid body share the form of the rest pose.
 class PosedForms {
@@ -59,9 +69,9 @@ class PosedForms {
     const auto f = static_cast<std::size_t>(face);
     return {forms_.data() + first_[f], first_[f + 1] - first_[f]};
   }
-  /// Σ_p weight_p e_p(a, b)²: the mean square of the sagitta (length²) that a quad with these rest edge vectors, given
-  /// in the face's basis, leaves over the poses.
-  [[nodiscard]] double mean_square_sagitta(Index face, Complex a, Complex b) const;
+  /// Σ_p weight_p e_p(a, b)²: the mean square over the poses of the error (a length) that a quad with these rest edge
+  /// vectors, given in the face's basis, leaves. \cost O(forms of the face)
+  [[nodiscard]] double mean_square_error(Index face, Complex a, Complex b, QuadError kind = QuadError::triangles) const;
 
  private:
   std::vector<Form> forms_;
@@ -78,12 +88,13 @@ struct PosedMetric {
   /// In [0, 1]: 1 − E(best) / E(best at 45° from it), 0 where the direction does not matter or the surface is flat. To
   /// be multiplied by the face's share of the area.
   std::vector<double> alignment;
-  std::vector<double> error;  ///< E at the best direction and aspect (1 / length²): rms sagitta = A √E
+  std::vector<double> error;  ///< E at the best direction and aspect (1 / length²): rms error = A √E
   std::vector<double>
       density;  ///< quads a unit area relative to the mean: Σ area · density = Σ area. 1/A = N density / Σ area
 };
 
 struct PosedMetricOptions {
+  QuadError quad_error = QuadError::triangles;
   double largest_aspect = 4;
   /// Errors where weights blend count joint_weight times as much as where one bone rules: j = 1 + (joint_weight − 1)(1
   /// − ω1).
