@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Remeshes every surface of a folder at several densities and prints one table.
+"""Remeshes every surface of some folders at several densities and prints one table.
 
 A surface is an .obj, .off or .ply file; the .tgf and .dmat files beside it are its rig where there is one of each.
 Ends with an error where the command crashed, hung, or gave a result that its own report calls invalid: a refusal is an
@@ -30,6 +30,11 @@ def surfaces(folder):
         yield path, rig
 
 
+def lowest_rung(components):
+    order = ["fine-map", "coarse-map", "split"]
+    return max((part["rung"] for part in components), key=order.index, default="")
+
+
 def remesh(command, path, rig, quads, timeout):
     with tempfile.TemporaryDirectory() as scratch:
         out, report = pathlib.Path(scratch) / "out.obj", pathlib.Path(scratch) / "report.json"
@@ -56,30 +61,37 @@ def remesh(command, path, rig, quads, timeout):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("command", help="the quadrig executable")
-    parser.add_argument("folder", type=pathlib.Path)
+    parser.add_argument("folder", type=pathlib.Path, nargs="+")
+    parser.add_argument("--only", default="", help="surfaces whose path contains this")
     parser.add_argument("--quads", default="300,1000,2000,5000,20000", help="densities (default %(default)s)")
     parser.add_argument("--timeout", type=float, default=600, help="seconds for one remesh (default %(default)s)")
     arguments = parser.parse_args()
-    if not arguments.folder.is_dir():
-        sys.exit(f"{arguments.folder} is no folder")
+    for folder in arguments.folder:
+        if not folder.is_dir():
+            sys.exit(f"{folder} is no folder")
 
-    tally = {}
-    print("| surface | rig | asked | result | quads | irregular | SJ avg | SJ min | CPU s |")
-    print("|---|---|---|---|---|---|---|---|---|")
-    for path, rig in surfaces(arguments.folder):
+    tally, rungs = {}, {}
+    print("| surface | rig | asked | result | quads | irregular | SJ avg | SJ min | rung | CPU s |")
+    print("|---|---|---|---|---|---|---|---|---|---|")
+    for folder, path, rig in ((f, p, r) for f in arguments.folder for p, r in surfaces(f)):
+        if arguments.only not in str(path):
+            continue
         for quads in (int(word) for word in arguments.quads.split(",")):
             result, reason, figures, seconds = remesh(arguments.command, path, rig, quads, arguments.timeout)
             tally[result] = tally.get(result, 0) + 1
-            cells = [path.relative_to(arguments.folder), "yes" if rig else "", quads]
+            cells = [path.relative_to(folder), "yes" if rig else "", quads]
             if figures:
                 jacobian = figures["scaled_jacobian"]
+                rung = lowest_rung(figures["components"])
+                rungs[rung] = rungs.get(rung, 0) + 1
                 cells += [result, figures["quads"], figures["irregular"]]
-                cells += [f"{jacobian['average']:.3f}", f"{jacobian['minimum']:.3f}"]
+                cells += [f"{jacobian['average']:.3f}", f"{jacobian['minimum']:.3f}", rung]
             else:
-                cells += [f"{result}: {reason}", "", "", "", ""]
+                cells += [f"{result}: {reason}", "", "", "", "", ""]
             cells.append(f"{seconds:.2f}")
             print("| " + " | ".join(str(cell) for cell in cells) + " |", flush=True)
-    print(", ".join(f"{count} {result}" for result, count in sorted(tally.items())))
+    for counts in (tally, rungs):
+        print(", ".join(f"{count} {name}" for name, count in sorted(counts.items())))
     sys.exit(1 if {"crashed", "hung", "invalid"} & tally.keys() or not tally else 0)
 
 
