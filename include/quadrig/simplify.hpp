@@ -2,9 +2,8 @@
 // its manners, but there is no manifold surface for which it has no answer.
 #pragma once
 
-#include "quadrig/closest.hpp"
+#include "quadrig/polish.hpp"
 #include "quadrig/prepare.hpp"
-#include "quadrig/quads.hpp"
 
 namespace quadrig {
 
@@ -15,6 +14,7 @@ struct SplitOptions {
   double uniformity = 0.05;
   /// Two triangles become one polygon only where none of its four quads has a smaller scaled Jacobian, in (0, 1).
   double pair_quality = 0.3;
+  PolishOptions polish;  ///< rounds = 0 leaves the quads as they were split
   RefineOptions refine;  ///< bounds the memory that a coarse input may grow to
 
   /// \fails bad_option, names the field.
@@ -41,8 +41,8 @@ struct SplitQuads {
 /// positive scaled Jacobian, about options.quads of them: 3 a triangle and 4 a pair of triangles, of a surface that
 /// edges were collapsed from by quadric errors and never against the link condition. The corners of those triangles
 /// are vertices of the (refined) input; what splits them is then moved onto the surface, on the boundary along the
-/// boundary, as far as every quad stays valid. A quad that lies flat in its triangle is always valid, so there is an
-/// answer for every surface; where the count cannot be had, the nearest.
+/// boundary, as far as every quad stays valid, and polished. A quad that lies flat in its triangle is always valid, so
+/// there is an answer for every surface; where the count cannot be had, the nearest.
 ///
 /// \pre mesh has a face, and none of zero area: `prepare` sees to it
 /// \fails bad_option; bad_input on a mesh without faces; cancelled.

@@ -76,7 +76,7 @@ class Decimator {
         border_[at(v)] = border_[at(w)] = 1;
         if (!(length > 0)) continue;
         for (const Index end : {v, w})
-          quadrics_[at(end)].add_plane(upright / length, positions_[at(v)], along.squaredNorm());
+          quadrics_[at(end)].add_plane(upright / length, positions_[at(v)], 10 * along.squaredNorm());
       }
     }
   }
@@ -216,12 +216,15 @@ class Decimator {
       Face face = faces_[at(f)];
       if (has(face, to)) continue;
       const double old_quality = quality(face);
-      Vector3 old = cross(face);
-      if (old_quality < 0.05) old = ring;  // a needle's own normal says little
+      const Vector3 old = cross(face);
       std::replace(face.begin(), face.end(), from, to);
       if (quality(face) < floor) return false;
       const Vector3 now = cross(face);
-      if (!(now.dot(old) > rule.cosine * now.norm() * old.norm())) return false;
+      const auto turned = [&](const Vector3& from_here) {
+        return !(now.dot(from_here) > rule.cosine * now.norm() * from_here.norm());
+      };
+      // A needle's own normal may say little: the ring's is as good.
+      if (turned(old) && (old_quality > 0.05 || turned(ring))) return false;
     }
     return true;
   }

@@ -60,19 +60,21 @@ class Pairing {
   };
   static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
-  /// Least scaled Jacobian of the four quads that the flat split gives; −1 where one is turned from n.
-  [[nodiscard]] double split_quality(const std::array<Index, 4>& quad, const Vector3& n) const {
-    Vector3 p[4], middle[4], center = Vector3::Zero();
-    for (std::size_t i = 0; i < 4; ++i) p[i] = (*positions_)[at(quad[i])];
-    for (std::size_t i = 0; i < 4; ++i) {
-      middle[i] = (p[i] + p[(i + 1) % 4]) / 2;
-      center += p[i] / 4;
+  /// Least scaled Jacobian of the quads that the flat split of a polygon gives; −1 where one is turned from n.
+  template <std::size_t corners>
+  [[nodiscard]] double split_quality(const std::array<Index, corners>& polygon, const Vector3& n) const {
+    Vector3 p[corners], middle[corners], center = Vector3::Zero();
+    for (std::size_t i = 0; i < corners; ++i) p[i] = (*positions_)[at(polygon[i])];
+    for (std::size_t i = 0; i < corners; ++i) {
+      middle[i] = (p[i] + p[(i + 1) % corners]) / 2;
+      center += p[i] / static_cast<double>(corners);
     }
     double least = 1;
-    for (std::size_t i = 0; i < 4; ++i) {
+    for (std::size_t i = 0; i < corners; ++i) {
       Points<double> points(4, 3);
-      points << p[i].transpose(), middle[i].transpose(), center.transpose(), middle[(i + 3) % 4].transpose();
-      const Vector3 m = (center - p[i]).cross(middle[(i + 3) % 4] - middle[i]);
+      points << p[i].transpose(), middle[i].transpose(), center.transpose(),
+          middle[(i + corners - 1) % corners].transpose();
+      const Vector3 m = (center - p[i]).cross(middle[(i + corners - 1) % corners] - middle[i]);
       if (!(m.dot(n) > 0.5 * m.norm() * n.norm())) return -1;
       least = std::min(least, scaled_jacobian(points, Eigen::Matrix<Index, 1, 4>(0, 1, 2, 3)));
     }
@@ -98,6 +100,9 @@ class Pairing {
     const auto twins = [&](std::size_t s) {
       return s + 1 < sides.size() && sides[s].low == sides[s + 1].low && sides[s].high == sides[s + 1].high;
     };
+    std::vector<double> alone(faces_.size());
+    for (Index f = 0; f < static_cast<Index>(faces_.size()); ++f)
+      alone[at(f)] = split_quality(faces_[at(f)], normal(f));
     // A vertex on the boundary may lose more edges: its boundary edges stay, and half as many stand for a full turn.
     for (std::size_t s = 0; s < sides.size(); ++s) {
       const int count = twins(s) ? 2 : 1;
@@ -117,7 +122,8 @@ class Pairing {
       if (!(n1.dot(n2) > 0.5)) continue;
       const std::array<Index, 4> quad{a, d, corner(f, h + 1), c};
       const double quality = split_quality(quad, n1 + n2);
-      if (!(quality >= least_quality)) continue;
+      // Slivers are thin alone as well: a pair that is no worse is welcome.
+      if (!(quality > 0 && quality >= std::min({least_quality, alone[at(f)], alone[at(g)]}))) continue;
       const auto e = static_cast<Index>(edges_.size());
       // Edges between vertices of many edges go first: that evens out the valences of the quads.
       const double evening = 0.08 * (std::clamp(degree_[at(a)], 4, 9) + std::clamp(degree_[at(b)], 4, 9) - 12);

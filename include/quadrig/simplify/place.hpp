@@ -100,33 +100,33 @@ class SplitPlacer {
       find_goal(v);
     }
     approach();
-    for (int round = 0; round < 6; ++round) {
+    for (int round = 0; round < 8; ++round) {
       if (context.cancelled()) return cancelled_error("simplify");
+      if (round == 4)  // better thin than beside the surface
+        for (double& least : least_) least *= 0.1;
       bool moved = false;
       for (Index v = corners_; v < vertex_count(); ++v) moved |= !vertices_[at(v)].there && settle(v);
-      if (!moved) break;
+      if (!moved && round > 4) break;
     }
+    for (Index v = corners_; v < vertex_count(); ++v)
+      if (!vertices_[at(v)].there && !settle_with_neighbours(v) && vertices_[at(v)].border)
+        for (const double share : {0.35, 0.65, 0.2, 0.8}) {
+          const auto point = on_border(vertices_[at(v)], share);
+          if (!point) break;
+          vertices_[at(v)].goal = *point;
+          if (settle_with_neighbours(v)) break;
+        }
     return {};
   }
 
-  /// The quads, each vertex with its source; adds those that stayed beside the surface to the counts.
-  [[nodiscard]] QuadMesh result(Index& off_surface, double& largest_distance) {
+  /// The quads; the source of a vertex that stayed beside the surface is the point next to it.
+  [[nodiscard]] QuadMesh result() {
     QuadMesh quads;
     quads.positions.resize(vertex_count(), 3);
     quads.source.resize(vertices_.size());
     for (Index v = 0; v < vertex_count(); ++v) {
       Vertex& vertex = vertices_[at(v)];
-      if (!vertex.there) {
-        const SurfacePoint source = nearest(v, vertex.position);
-        const double distance = (quadrig::position(mesh_, source) - vertex.position).norm();
-        vertex.goal = source;
-        if (distance > 1e-9 * mesh_.diagonal()) {
-          ++off_surface;
-          largest_distance = std::max(largest_distance, distance);
-        } else {
-          try_place(v, source);
-        }
-      }
+      if (!vertex.there && !try_place(v, nearest(v, vertex.position))) vertex.goal = nearest(v, vertex.position);
       quads.source[at(v)] = vertex.goal;
       quads.positions.row(v) = vertex.position.transpose();
     }
@@ -163,7 +163,7 @@ class SplitPlacer {
       vertex.there = true;
       vertices_.push_back(vertex);
     }
-    corners_ = vertex_count();
+    corners_ = vertex_count();  // those on the boundary are marked below
 
     struct Side {
       Index low, high;
@@ -185,6 +185,7 @@ class SplitPlacer {
       const SplitPolygon& polygon = polygons[sides[s].polygon];
       Vertex vertex;
       vertex.border = !inner;
+      if (!inner) vertices_[at(sides[s].low)].border = vertices_[at(sides[s].high)].border = true;
       vertex.anchors[0] = number[at(polygon.corner[sides[s].side])];  // in the direction of the face
       vertex.anchors[1] = number[at(polygon.corner[(sides[s].side + 1) % polygon.size()])];
       vertex.flat = (vertices_[at(sides[s].low)].flat + vertices_[at(sides[s].high)].flat) / 2;
@@ -356,6 +357,68 @@ class SplitPlacer {
         if (try_place(v, nearest(v, p))) return true;
       }
     return false;
+  }
+
+  /// Least scaled Jacobian around v, less 1 where a quad is turned over or thinner than it must be.
+  [[nodiscard]] double least_around(Index v) const {
+    double least = 1;
+    for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k) {
+      const double j = jacobian(incident_[k]);
+      least = std::min(least, valid(incident_[k]) ? j : std::min(j, 0.0) - 1);
+    }
+    return least;
+  }
+
+  /// Puts a vertex at its goal and lets those around it make way along the surface; all go back where that fails, and
+  /// it returns false.
+  bool settle_with_neighbours(Index v) {
+    std::vector<Index> near;
+    for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k)
+      for (const Index w : quads_[incident_[k]])
+        for (std::size_t i = starts_[at(w)]; i < starts_[at(w) + 1]; ++i)
+          for (const Index u : quads_[incident_[i]])
+            if (u != v && vertices_[at(u)].there && !vertices_[at(u)].border) near.push_back(u);
+    std::sort(near.begin(), near.end());
+    near.erase(std::unique(near.begin(), near.end()), near.end());
+    const Vertex before = vertices_[at(v)];
+    std::vector<Vertex> kept;
+    for (const Index u : near) kept.push_back(vertices_[at(u)]);
+
+    vertices_[at(v)].position = quadrig::position(mesh_, before.goal);
+    vertices_[at(v)].there = true;
+    for (int round = 0; round < 4 && !valid_around(v); ++round)
+      for (const Index u : near) make_way(u, round < 2 ? 0.3 : 0.1);
+    bool good = valid_around(v);
+    for (const Index u : near) good = good && valid_around(u);
+    if (good) return true;
+    vertices_[at(v)] = before;
+    for (std::size_t k = 0; k < near.size(); ++k) vertices_[at(near[k])] = kept[k];
+    return false;
+  }
+
+  void make_way(Index u, double radius) {
+    Vertex& vertex = vertices_[at(u)];
+    double now = least_around(u), reach = 0;
+    if (now > 0.2 || !(vertex.normal.norm() > 0)) return;
+    for (std::size_t k = starts_[at(u)]; k < starts_[at(u) + 1]; ++k)
+      for (const Index w : quads_[incident_[k]])
+        reach = std::max(reach, (vertices_[at(w)].position - vertex.position).norm());
+    const Vector3 here = vertex.position;
+    const Vector3 x = vertex.normal.unitOrthogonal(), y = vertex.normal.normalized().cross(x);
+    Vertex best = vertex;
+    const SurfacePoint start = vertex.goal;
+    for (int k = 0; k < 8; ++k) {
+      const double angle = k * 0.78539816339744831;
+      const SurfaceHit hit =
+          walk_closest(mesh_, here + radius * reach * (std::cos(angle) * x + std::sin(angle) * y), start);
+      vertex.goal = hit;
+      vertex.position = quadrig::position(mesh_, hit);
+      if (const double least = least_around(u); least > now) {
+        now = least;
+        best = vertex;
+      }
+    }
+    vertex = best;
   }
 
   const TriangleMesh<double>& mesh_;

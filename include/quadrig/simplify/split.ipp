@@ -7,6 +7,38 @@
 #include "quadrig/simplify/place.hpp"
 
 namespace quadrig {
+namespace detail {
+
+/// Polishes while that pays. Where a quad of positive scaled Jacobian would lose it, its vertices go back to where they
+/// were, then those of the quads that this spoils, at worst to the beginning.
+inline void polish_split(const TriangleMesh<double>& mesh, const PolishOptions& options, QuadMesh& quads,
+                         Context& context) {
+  for (int done = 0, chunk = 1; done < options.rounds && !context.cancelled(); done += chunk, chunk = 5) {
+    QuadMesh better = quads;
+    PolishOptions some = options;
+    some.rounds = std::min(chunk, options.rounds - done);
+    const PolishReport report = polish(mesh, some, better, context);
+    // On slivers the rectangles that polishing aims at may be out of reach.
+    if (!(report.average_after > report.average_before - 0.02)) return;
+    for (bool again = true; again;) {
+      again = false;
+      for (Index q = 0; q < quads.quad_count(); ++q) {
+        if (scaled_jacobian(better.positions, better.quads.row(q)) > 0) continue;
+        for (int i = 0; i < 4; ++i) {
+          const Index v = quads.quads(q, i);
+          if (better.positions.row(v) == quads.positions.row(v)) continue;
+          better.positions.row(v) = quads.positions.row(v);
+          better.source[static_cast<std::size_t>(v)] = quads.source[static_cast<std::size_t>(v)];
+          again = true;
+        }
+      }
+    }
+    quads = std::move(better);
+    if (report.average_after < report.average_before + 0.002 && report.least_after < report.least_before + 0.01) return;
+  }
+}
+
+}  // namespace detail
 
 QUADRIG_INLINE Status SplitOptions::validate() const {
   const auto bad = [](const char* field, const char* remedy) {
@@ -29,19 +61,23 @@ QUADRIG_INLINE Expected<SplitQuads> split_quads(const TriangleMesh<double>& mesh
   const auto faces_wanted = static_cast<Index>(std::ceil(count_wanted / 2.15));
   // Collapses choose among the vertices that are there: about five times as many triangles as wanted give a choice.
   double length = 0.6 * std::sqrt(4 / std::sqrt(3.0) * mesh.total_area() / faces_wanted);
+  // Long needles would fall into far more pieces than that: then longer edges must do.
+  RefineOptions refine_options = options.refine;
+  refine_options.max_faces = static_cast<Index>(std::min<std::int64_t>(
+      refine_options.max_faces, 20'000 + 2 * std::int64_t{mesh.face_count()} + 30 * std::int64_t{faces_wanted}));
   std::optional<Refinement> refined;
-  for (int attempt = 0; attempt < 8 && length > 0 && std::isfinite(length); ++attempt) {
+  for (int attempt = 0; attempt < 60 && length > 0 && std::isfinite(length); ++attempt) {
     Expected<Refinement> finer = refine(
-        mesh, [&](Index) { return length; }, options.refine, context);
+        mesh, [&](Index) { return length; }, refine_options, context);
     if (!finer) {
       if (finer.error().code == ErrorCode::cancelled) return finer.error();
       if (refined) break;
-      length *= 2;  // long needles: too many pieces
+      length *= 1.6;
       continue;
     }
     refined = std::move(*finer);
     if (refined->mesh.face_count() >= 3 * std::int64_t{faces_wanted}) break;
-    length /= 1.6;
+    length /= 1.3;
   }
   const TriangleMesh<double>& fine = refined ? refined->mesh : mesh;
 
@@ -80,7 +116,18 @@ QUADRIG_INLINE Expected<SplitQuads> split_quads(const TriangleMesh<double>& mesh
 
   detail::SplitPlacer placer(mesh, positions, sources, pairing.polygons());
   if (Status status = placer.run(context); !status) return status.error();
-  result.mesh = placer.result(report.off_surface, report.largest_distance);
+  result.mesh = placer.result();
+  context.progress("simplify", 0.8);
+  detail::polish_split(mesh, options.polish, result.mesh, context);
+  if (context.cancelled()) return cancelled_error("simplify");
+  const double tolerance = 1e-9 * mesh.diagonal();
+  for (Index v = 0; v < result.mesh.vertex_count(); ++v) {
+    const double distance =
+        (position(mesh, result.mesh.source[static_cast<std::size_t>(v)]) - result.mesh.positions.row(v).transpose())
+            .norm();
+    report.off_surface += distance > tolerance;
+    report.largest_distance = std::max(report.largest_distance, distance);
+  }
   report.least_jacobian = 1;
   for (Index q = 0; q < result.mesh.quad_count(); ++q) {
     const double j = scaled_jacobian(result.mesh.positions, result.mesh.quads.row(q));
