@@ -120,3 +120,44 @@ TEST_CASE("command: strict refuses what is mended otherwise", "[cli][fast]") {
   CHECK(strict.exit_code == 4);
   CHECK(lines(strict.error) == 1);
 }
+
+TEST_CASE("command: remesh writes quads, weights and report, the same bytes at any number of threads", "[cli][fast]") {
+  const ScratchFolder folder("cli");
+  REQUIRE(run_quadrig(folder, "sample pear -o . --triangles 2000 -q").exit_code == 0);
+  const std::string rig = " --rig pear.tgf --weights pear.dmat";
+  const CommandResult one = run_quadrig(
+      folder, "remesh pear.obj" + rig + " --quads 500 --threads 1 -o q1.obj --weights-out w1.dmat --report r1.json");
+  INFO(one.error);
+  REQUIRE(one.exit_code == 0);
+  CHECK(lines(one.output) == 1);
+  const CommandResult many =
+      run_quadrig(folder, "remesh pear.obj" + rig + " --quads 500 --threads 5 -o q5.obj --weights-out w5.dmat -q");
+  CHECK(many.exit_code == 0);
+  CHECK(many.output.empty());
+  CHECK(read_text(folder / "q1.obj") == read_text(folder / "q5.obj"));
+  CHECK(read_text(folder / "w1.dmat") == read_text(folder / "w5.dmat"));
+  const std::string report = read_text(folder / "r1.json");
+  for (const char* key :
+       {"\"valid\": true", "\"quads\": ", "\"irregular\": ", "\"scaled_jacobian\": {",
+        "\"average\": ", "\"minimum\": ", "\"seconds\": {", "\"warnings\": [", "\"options\": {", "\"quadrig\": \""}) {
+    INFO(key);
+    CHECK(has(report, key));
+  }
+  CHECK(has(run_quadrig(folder, "stats q1.obj").output, "q1.obj: valid"));
+  Context context;
+  const auto quads = read_obj(folder / "q1.obj", {}, context);
+  const auto weights = read_dmat(folder / "w1.dmat", {});
+  REQUIRE((quads.has_value() && weights.has_value()));
+  CHECK(std::abs(quads->polygon_count() - 500) <= 25);
+  CHECK(weights->rows() == quads->vertex_count());
+  CHECK(weights->cols() == 2);
+
+  const std::vector<std::string> before = names_in(folder.path());
+  CHECK(run_quadrig(folder, "remesh pear.obj --quads 2 -o x.obj").exit_code == 2);
+  CHECK(run_quadrig(folder, "remesh pear.obj --quads 500 -o x.ply").exit_code == 2);
+  CHECK(run_quadrig(folder, "remesh pear.obj --quads 500 -o pear.obj").exit_code == 2);
+  CHECK(run_quadrig(folder, "remesh pear.obj --quads 500 -o x.obj --weights-out x.dmat").exit_code == 2);
+  CHECK(run_quadrig(folder, "remesh pear.obj --quads 500 --preset thesis -o x.obj").exit_code == 2);
+  CHECK(run_quadrig(folder, "remesh pear.obj --quads 500 -o x.obj --report nowhere/r.json").exit_code == 3);
+  CHECK(names_in(folder.path()) == before);
+}
