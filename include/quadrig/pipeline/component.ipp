@@ -156,12 +156,12 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
     bool creases;
   };
   static constexpr std::array<Attempt, 5> attempts{
-      {{1, 1.5, true}, {2, 1.0, true}, {4, 0.7, false}, {8, 0.5, false}, {16, 0.35, false}}};
+      {{0.5, 1.5, true}, {1, 1.0, true}, {2, 0.7, false}, {4, 0.5, false}, {8, 0.35, false}}};
   static constexpr int max_operations = 6;
   for (const Attempt& attempt : attempts) {
     if (context.cancelled()) return cancelled_error("remesh");
     const auto leave = [&](const std::string& reason) {
-      result.report.reasons.push_back("smoothing over " + std::to_string(static_cast<int>(attempt.smoothing)) +
+      result.report.reasons.push_back("smoothing over " + std::to_string(attempt.smoothing).substr(0, 3) +
                                       " quads: " + reason);
     };
     Piece piece = original;
