@@ -4,9 +4,11 @@
 //   unknowns    transitions, cones and straight borders eliminated over Z[i] or Z; what remains is free
 //   target      wanted parameter vectors from a frame field, made more nearly integrable by correcting lengths
 //   poisson     the map nearest to the target, stiffened until no triangle flips and every cone is right
+//   untangle    the last flips taken out where they are
 #pragma once
 
 #include "quadrig/seamless/cut_graph.hpp"
 #include "quadrig/seamless/poisson.hpp"
 #include "quadrig/seamless/target.hpp"
 #include "quadrig/seamless/unknowns.hpp"
+#include "quadrig/seamless/untangle.hpp"

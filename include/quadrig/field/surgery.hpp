@@ -32,11 +32,18 @@ class FieldSurgery {
     ++moves_;
   }
 
-  /// Splits vertices whose valence would be below 3 or above 7 by a unit to or from a neighbour. Returns how many.
-  Index split_extremes() {
+  /// Splits vertices whose valence would be below 3 or above 7 by units to or from other vertices, about `spread`
+  /// away and all around where there is room for that, else next to it. A corner of the border too sharp for a quad
+  /// gives a unit to a wide corner near, or inside. Returns how many units went.
+  Index split_extremes(double spread) {
     Index split = 0;
     for (Index v = 0; v < mesh_.vertex_count(); ++v) {
-      if (mesh_.outgoing(v) == no_index || mesh_.on_boundary(v)) continue;
+      if (mesh_.outgoing(v) == no_index) continue;
+      if (mesh_.on_boundary(v)) {
+        while (index(v) > 1 && relieve(v, spread)) ++split;
+        continue;
+      }
+      if (index(v) > 1) split += scatter(v, spread);
       for (int guard = 0; guard < 8 && index(v) > 1; ++guard, ++split) {
         const Index h = best_step(v, [&](Index w) { return index(w); });
         if (h == no_index) break;
@@ -155,6 +162,94 @@ class FieldSurgery {
   }
 
  private:
+  /// Moves the units of an inner vertex to places all around it: all of three or more, one of two.
+  Index scatter(Index v, double spread) {
+    const Index units = index(v) > 2 ? index(v) : index(v) - 1;
+    std::vector<Index> around;
+    search({v}, 1.5 * spread, [&](Index w, double d) {
+      if (d >= spread && index(w) == 0) around.push_back(w);
+      return false;
+    });
+    std::vector<Index> chosen;
+    std::vector<double> nearest(around.size(), std::numeric_limits<double>::infinity());
+    if (units < index(v))
+      for (std::size_t k = 0; k < around.size(); ++k) nearest[k] = (mesh_.position(around[k]) - mesh_.position(v)).norm();
+    while (static_cast<Index>(chosen.size()) < units && !around.empty()) {
+      const auto best = static_cast<std::size_t>(std::max_element(nearest.begin(), nearest.end()) - nearest.begin());
+      if (nearest[best] < 0.5 * spread) return 0;
+      chosen.push_back(around[best]);
+      for (std::size_t k = 0; k < around.size(); ++k)
+        nearest[k] = std::min(nearest[k], (mesh_.position(around[k]) - mesh_.position(around[best])).norm());
+    }
+    if (static_cast<Index>(chosen.size()) < units) return 0;
+    for (const Index w : chosen) carry(v, w);
+    return units;
+  }
+
+  /// Gives a unit of a border vertex to the border vertex near that has most angle to lose, or to one inside.
+  bool relieve(Index v, double spread) {
+    Index inside = no_index, wide = no_index;
+    double most = 0.2, deepest = 0;
+    search({v}, 2 * spread, [&](Index w, double d) {
+      if (w != v && index(w) == 0 && (inside == no_index || deepest < spread)) {
+        inside = w;
+        deepest = d;
+      }
+      Index h = mesh_.outgoing(w);
+      const Index start = h;
+      if (w != v) do {
+          const Index x = mesh_.target(h);
+          if (x != v && mesh_.on_boundary(x) && index(x) <= 0 && mesh_.twin(h) != no_index) {
+            const double lacking = 2 - index(x) - quarter_turns(x);
+            if (lacking > most) {
+              most = lacking;
+              wide = x;
+            }
+          }
+          h = mesh_.next_around(h);
+        } while (h != no_index && h != start);
+      return false;
+    });
+    if (wide == no_index && inside == no_index) return false;
+    if (wide != no_index) {
+      Index last = no_index;
+      search({v}, std::numeric_limits<double>::infinity(), [&](Index w, double) {
+        if (w == v) return false;
+        Index h = mesh_.outgoing(w);
+        const Index start = h;
+        do {
+          if (mesh_.target(h) == wide) last = h;
+          h = mesh_.next_around(h);
+        } while (last == no_index && h != no_index && h != start);
+        return last != no_index;
+      });
+      if (last == no_index) return false;
+      follow(v, mesh_.origin(last));
+      move_unit(last);
+      return true;
+    }
+    carry(v, inside);
+    return true;
+  }
+  /// Angle of the surface at a border vertex.
+  [[nodiscard]] double quarter_turns(Index v) const {
+    double angle = 0;
+    for (Index h = mesh_.outgoing(v); h != no_index; h = mesh_.next_around(h)) angle += mesh_.corner_angle(h);
+    return angle / (std::numbers::pi / 2);
+  }
+  /// One unit from `from` to `to` along the shortest path; the second along the last search.
+  void carry(Index from, Index to) {
+    search({from}, std::numeric_limits<double>::infinity(), [&](Index w, double) { return w == to; });
+    follow(from, to);
+  }
+  void follow(Index from, Index to) {
+    for (Index v = to; v != from;) {
+      const Index h = reached_[v].second;
+      move_unit(h);
+      v = mesh_.origin(h);
+    }
+  }
+
   [[nodiscard]] static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
   [[nodiscard]] Index index(Index v) const { return singularities_.index4[at(v)]; }
   [[nodiscard]] bool interior(Index v) const { return mesh_.outgoing(v) != no_index && !mesh_.on_boundary(v); }

@@ -206,7 +206,7 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
     std::vector<char> held(at(mesh.face_count()), 0);
     for (Index h = 0; h < mesh.halfedge_count(); ++h)
       if (mesh.twin(h) == no_index || (crease < 3.14 && dihedral_angle(mesh, h) > crease)) held[at(h / 3)] = 1;
-    surgery.split_extremes();
+    surgery.split_extremes(0.75 * edge);
     surgery.cancel_pairs(0.75 * edge);
 
     // The map, and where it fails the field again with the pair of singularities next to the failure cancelled.
@@ -253,7 +253,7 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
       if (mapped.error().code == ErrorCode::cancelled) return mapped.error();
       leave(mapped.error().what);
       if (trouble.empty() || !surgery.cancel_near(trouble)) break;
-      surgery.split_extremes();
+      surgery.split_extremes(0.75 * edge);
     }
   }
 

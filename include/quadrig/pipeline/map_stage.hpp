@@ -6,6 +6,7 @@
 #include "quadrig/quads/topology.hpp"
 #include "quadrig/quads/grid_map.hpp"
 #include "quadrig/seamless/target.hpp"
+#include "quadrig/seamless/untangle.hpp"
 
 namespace quadrig::detail {
 
@@ -91,10 +92,14 @@ template <class K>
   std::vector<Complex> z;
   TargetEdges target;
   bool valid = false;
-  for (const double fidelity : {64.0, 4.0, 0.25}) {
+  struct Scaling {
+    double fidelity, largest;
+  };
+  for (const auto& [fidelity, largest] : {Scaling{64, 4}, Scaling{4, 4}, Scaling{0.1, 64}}) {
     target = in.target;
     LogScaleOptions scales;
     scales.fidelity = fidelity;
+    scales.largest = largest;
     if (Status status = correct_log_scale(mesh, in.cut, in.index, scales, target, context); !status.ok())
       return status.error();
     PoissonOptions poisson;
@@ -103,6 +108,11 @@ template <class K>
     Expected<PoissonReport> solved = solve_poisson<K>(mesh, *unknowns, in.index, target, poisson, x, z, context);
     if (!solved) return solved.error();
     valid = solved->defects.valid();
+    if (valid) break;
+    Expected<UntangleReport> untangled =
+        untangle(mesh, in.cut, in.index, in.aligned, target, UntangleOptions{}, z, context);
+    if (!untangled) return untangled.error();
+    valid = untangled->defects.valid();
     if (valid) break;
     trouble = solved->defects.flipped_faces;
     for (const Index v : solved->defects.wrong_vertices) trouble.push_back(mesh.outgoing(v) / 3);
@@ -165,6 +175,12 @@ template <class K>
     std::vector<Complex> fine;
     Expected<PoissonReport> solved = solve_poisson<K>(mesh, *unknowns, in.index, scaled, poisson, x, fine, context);
     if (!solved) return solved.error();
+    if (!solved->defects.valid()) {
+      Expected<UntangleReport> untangled =
+          untangle(mesh, in.cut, in.index, in.aligned, scaled, UntangleOptions{}, fine, context);
+      if (!untangled) return untangled.error();
+      if (untangled->defects.valid()) solved->defects = {};
+    }
     lap(seconds.map);
     if (!solved->defects.valid())
       return map_error("fine map: " + count_of(solved->defects.flips, "flipped triangle") + ", " +

@@ -48,6 +48,7 @@ struct MapDefects {
 
 struct PoissonOptions {
   int max_iterations = 40;
+  int patience = 5;  ///< iterations in a row that may pass without fewer defects
   std::string_view solver = default_solver_name;
   /// Held unknowns (same order as the unknowns of the map); empty: none.
   std::span<const char> fixed;
@@ -102,6 +103,8 @@ template <class K>
                             }
                         }};
   PoissonReport report;
+  Index fewest = std::numeric_limits<Index>::max();
+  int waited = 0;
   for (;;) {
     if (context.cancelled()) return cancelled_error("seamless map");
     if (Status status = form.assemble(poisson); !status.ok()) return status.error();
@@ -138,7 +141,12 @@ template <class K>
       distortion += det * delta[at(f)];
     }
     report.distortion = total > 0 ? distortion / total : 0;
-    if (report.defects.valid() || report.iterations > options.max_iterations || form.free_count() == 0) return report;
+    const Index defects = report.defects.flips + report.defects.wrong_cones;
+    waited = defects < fewest ? 0 : waited + 1;
+    fewest = std::min(fewest, defects);
+    if (report.defects.valid() || report.iterations > options.max_iterations || waited >= options.patience ||
+        form.free_count() == 0)
+      return report;
     for (Index f = 0; f < m; ++f) {
       double sum = 0;
       int count = 0;
