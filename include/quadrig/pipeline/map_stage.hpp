@@ -169,7 +169,7 @@ template <class K>
     for (Complex& d : scaled) d *= factor;
     x = solution->unknown;
     PoissonOptions poisson;
-    poisson.max_iterations = 15;
+    poisson.max_iterations = 25;
     poisson.solver = options.solver;
     poisson.fixed = unknowns->integer();
     std::vector<Complex> fine;
