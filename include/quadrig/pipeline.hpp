@@ -20,7 +20,7 @@ struct RemeshOptions {
   Index quads = 2000;  ///< wanted; see RemeshReport::minimum_count for surfaces that need more
   FieldPreset preset = FieldPreset::standard;
   DirectionOptions directions;
-  /// Unset: the preset's (docs/sizing.md).
+  /// Unset: the preset's (docs/bending.md).
   std::optional<SizingOptions> sizing;
   /// Poses the metric is built from, and their weights (empty: 1 each). No poses: every bone bent by ±`bend_degrees`
   /// about two axes.
