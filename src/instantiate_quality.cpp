@@ -1,0 +1,8 @@
+// The one definition of the judges' large functions.
+#include "quadrig/quality.hpp"
+
+#include "quadrig/quality/deformation.ipp"
+#include "quadrig/quality/distance.ipp"
+#include "quadrig/quality/guidance.ipp"
+#include "quadrig/quality/statistics.ipp"
+#include "quadrig/quality/validity.ipp"
