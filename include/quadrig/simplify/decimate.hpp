@@ -45,7 +45,9 @@ class Decimator {
  public:
   using Face = std::array<Index, 3>;
 
-  Decimator(const TriangleMesh<double>& mesh, double uniformity) {
+  /// `width` is how wide a strip of surface an edge of the boundary or of a crease stands for: about the edge length
+  /// that is wanted.
+  Decimator(const TriangleMesh<double>& mesh, double uniformity, double width) {
     const auto n = static_cast<std::size_t>(mesh.vertex_count());
     const auto m = static_cast<std::size_t>(mesh.face_count());
     const Vector3 center =
@@ -58,6 +60,7 @@ class Decimator {
     marks_.assign(n, 0);
     faces_.resize(m);
     alive_ = mesh.face_count();
+    unit_cost_ = (uniformity + 0.02) * std::pow(width, 4) / 2;
     for (std::size_t v = 0; v < n; ++v) positions_[v] = mesh.position(static_cast<Index>(v)) - center;
     for (Index f = 0; f < mesh.face_count(); ++f) {
       const Vector3 normal = mesh.normal(f);
@@ -68,15 +71,16 @@ class Decimator {
         quadrics_[at(v)].add_plane(normal, positions_[at(v)], mesh.area(f) / 3);
         quadrics_[at(v)].add_point(positions_[at(v)], uniformity * mesh.area(f) / 3);
         const Index h = 3 * f + i;
-        if (mesh.twin(h) != no_index) continue;
-        // A plane upright on the boundary edge keeps the boundary's shape as a face beyond it would.
-        const Index w = mesh.target(h);
+        const Index w = mesh.target(h), across = mesh.twin(h);
+        if (across == no_index) border_[at(v)] = border_[at(w)] = 1;
+        // Upright planes hold the boundary as a face beyond it would, and sharp edges, be the face beyond ever so
+        // narrow: the rim of a plate.
+        if (across != no_index && mesh.normal(across / 3).dot(normal) > 0.5) continue;
         const Vector3 along = mesh.edge_vector(h), upright = along.cross(normal);
-        const double length = upright.norm();
-        border_[at(v)] = border_[at(w)] = 1;
+        const double length = upright.norm(), weight = across == no_index ? 3 : 1;
         if (!(length > 0)) continue;
         for (const Index end : {v, w})
-          quadrics_[at(end)].add_plane(upright / length, positions_[at(v)], 10 * along.squaredNorm());
+          quadrics_[at(end)].add_plane(upright / length, positions_[at(v)], weight * along.norm() * width);
       }
     }
   }
@@ -91,17 +95,19 @@ class Decimator {
   }
 
   /// Collapses edges, cheapest first, until at most `wanted` faces are left or none may be collapsed any more. Shapes
-  /// are held to a high standard first, and to less only where the count asks for it.
+  /// are held to a high standard as long as that costs little, to less where the surface would suffer for it.
   [[nodiscard]] Status reduce(Index wanted, Context& context) {
-    constexpr Rule rules[] = {{0.5, 0.6}, {0.3, 0.4}, {0.1, 0.3}, {0.02, 0.2}, {0, 0.1}};
-    for (const Rule& rule : rules)
-      for (Index before = alive_; alive_ > wanted; before = alive_) {
-        // Flips on the way keep the triangles fit for further collapses.
-        const Index stop = std::max(wanted, alive_ / 3);
-        if (!sweep(rule, stop, context)) return cancelled_error("simplify");
-        if (alive_ <= 8 * std::int64_t{wanted}) flip();
-        if (alive_ > stop && before - alive_ <= before / 50) break;
-      }
+    constexpr Rule rules[] = {{0.5, 0.6}, {0.3, 0.4}, {0.1, 0.3}, {0.02, 0.2}, {1e-4, 0.1}};
+    constexpr double costs[] = {2, 16, 128, std::numeric_limits<double>::infinity()};
+    for (std::size_t c = 0; c < std::size(costs); ++c)
+      for (std::size_t r = 0; r < std::min(c + 3, std::size(rules)); ++r)
+        for (Index before = alive_; alive_ > wanted; before = alive_) {
+          // Flips on the way keep the triangles fit for further collapses.
+          const Index stop = std::max(wanted, alive_ / 3);
+          if (!sweep(rules[r], stop, costs[c] * unit_cost_, context)) return cancelled_error("simplify");
+          if (alive_ <= 8 * std::int64_t{wanted}) flip();
+          if (alive_ > stop && before - alive_ <= before / 50) break;
+        }
     return {};
   }
 
@@ -140,7 +146,7 @@ class Decimator {
   }
 
   /// Returns false where the caller asked to stop.
-  bool sweep(const Rule& rule, Index stop, Context& context) {
+  bool sweep(const Rule& rule, Index stop, double highest_cost, Context& context) {
     queue_ = {};
     for (const Face& f : faces_) {
       if (f[0] == no_index) continue;
@@ -154,6 +160,7 @@ class Decimator {
     while (alive_ > stop && !queue_.empty()) {
       if (++steps % 4096 == 0 && context.cancelled()) return false;
       const Candidate c = queue_.top();
+      if (c.cost > highest_cost) break;
       queue_.pop();
       if (c.from_stamp != stamps_[at(c.from)] || c.to_stamp != stamps_[at(c.to)]) continue;
       if (!keeps_topology(c.from, c.to) || !keeps_shape(c.from, c.to, rule)) continue;
@@ -298,6 +305,7 @@ class Decimator {
   std::uint32_t mark_ = 0;
   std::priority_queue<Candidate> queue_;
   Index alive_ = 0;
+  double unit_cost_ = 0;  // of a triangle of the wanted size that is a seventh of its width off the surface
 };
 
 }  // namespace quadrig::detail

@@ -108,15 +108,25 @@ class SplitPlacer {
       for (Index v = corners_; v < vertex_count(); ++v) moved |= !vertices_[at(v)].there && settle(v);
       if (!moved && round > 4) break;
     }
-    for (Index v = corners_; v < vertex_count(); ++v)
-      if (!vertices_[at(v)].there && !settle_with_neighbours(v) && vertices_[at(v)].border)
-        for (const double share : {0.35, 0.65, 0.2, 0.8}) {
-          const auto point = on_border(vertices_[at(v)], share);
-          if (!point) break;
-          vertices_[at(v)].goal = *point;
-          if (settle_with_neighbours(v)) break;
-        }
+    make_room();
     return {};
+  }
+
+  /// Tries again for the vertices beside the surface, from where all of them have been moved to since.
+  void retry(const QuadMesh& quads) {
+    const double tolerance = 1e-9 * mesh_.diagonal();
+    bool all = true;
+    for (Index v = 0; v < vertex_count(); ++v) {
+      Vertex& vertex = vertices_[at(v)];
+      vertex.position = quads.positions.row(v).transpose();
+      vertex.goal = quads.source[at(v)];
+      vertex.there = (quadrig::position(mesh_, vertex.goal) - vertex.position).norm() <= tolerance;
+      all = all && vertex.there;
+    }
+    if (all) return;
+    for (Index v = corners_; v < vertex_count(); ++v)
+      if (!vertices_[at(v)].there) settle(v);
+    make_room();
   }
 
   /// The quads; the source of a vertex that stayed beside the surface is the point next to it.
@@ -356,7 +366,38 @@ class SplitPlacer {
         const Vector3 p = here + radius * reach * (std::cos(angle) * x + std::sin(angle) * y);
         if (try_place(v, nearest(v, p))) return true;
       }
+    // Where the surface bends away under the polygon: between here and the vertices around.
+    for (const double share : {0.25, 0.5, 0.75})
+      for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k)
+        for (const Index w : quads_[incident_[k]]) {
+          const Vertex& other = vertices_[at(w)];
+          if (w == v || !other.there) continue;
+          if (try_place(v, walk_closest(mesh_, here + share * (other.position - here), other.goal))) return true;
+        }
     return false;
+  }
+
+  /// For vertices that no place is left for: their neighbours are moved as well.
+  void make_room() {
+    for (Index v = corners_; v < vertex_count(); ++v) {
+      if (vertices_[at(v)].there || settle_with_neighbours(v)) continue;
+      if (vertices_[at(v)].border) {
+        for (const double share : {0.35, 0.65, 0.2, 0.8}) {
+          const auto point = on_border(vertices_[at(v)], share);
+          if (!point) break;
+          vertices_[at(v)].goal = *point;
+          if (settle_with_neighbours(v)) break;
+        }
+        continue;
+      }
+      for (const Index anchor : vertices_[at(v)].anchors) {
+        if (anchor == no_index) continue;
+        const Vertex& corner = vertices_[at(anchor)];
+        const Vector3 half = (vertices_[at(v)].position + corner.position) / 2;
+        vertices_[at(v)].goal = walk_closest(mesh_, half, corner.goal);
+        if (settle_with_neighbours(v)) break;
+      }
+    }
   }
 
   /// Least scaled Jacobian around v, less 1 where a quad is turned over or thinner than it must be.

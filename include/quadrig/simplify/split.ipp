@@ -9,12 +9,31 @@
 namespace quadrig {
 namespace detail {
 
-/// Polishes while that pays. Where a quad of positive scaled Jacobian would lose it, its vertices go back to where they
-/// were, then those of the quads that this spoils, at worst to the beginning.
+/// Faces that a walk as long as a quad's edge may cross, on average: each as wide as it is across its longest side.
+inline double faces_crossed(const TriangleMesh<double>& mesh, const QuadMesh& quads) {
+  double sum = 0;
+  for (Index q = 0; q < quads.quad_count(); ++q)
+    for (int i = 0; i < 4; ++i) {
+      const Index v = quads.quads(q, i), w = quads.quads(q, (i + 1) % 4);
+      const Index f = quads.source[static_cast<std::size_t>(v)].face;
+      double longest = 0;
+      for (Index h = 3 * f; h < 3 * f + 3; ++h) longest = std::max(longest, mesh.edge_vector(h).norm());
+      const double length = (quads.positions.row(w) - quads.positions.row(v)).norm();
+      sum += std::min(1e6, length * longest / std::max(2 * mesh.area(f), 1e-300));
+    }
+  return sum / (4.0 * std::max<Index>(quads.quad_count(), 1));
+}
+
+/// Polishes while that pays. Where a quad would lose its positive scaled Jacobian, or nearly so, its vertices go back
+/// to where they were, then those of the quads that this spoils, at worst to the beginning.
 inline void polish_split(const TriangleMesh<double>& mesh, const PolishOptions& options, QuadMesh& quads,
                          Context& context) {
+  if (faces_crossed(mesh, quads) > 100) return;  // nothing but needles: every step would take a walk over them all
   for (int done = 0, chunk = 1; done < options.rounds && !context.cancelled(); done += chunk, chunk = 5) {
     QuadMesh better = quads;
+    std::vector<double> before(static_cast<std::size_t>(quads.quad_count()));
+    for (Index q = 0; q < quads.quad_count(); ++q)
+      before[static_cast<std::size_t>(q)] = scaled_jacobian(quads.positions, quads.quads.row(q));
     PolishOptions some = options;
     some.rounds = std::min(chunk, options.rounds - done);
     const PolishReport report = polish(mesh, some, better, context);
@@ -23,7 +42,8 @@ inline void polish_split(const TriangleMesh<double>& mesh, const PolishOptions& 
     for (bool again = true; again;) {
       again = false;
       for (Index q = 0; q < quads.quad_count(); ++q) {
-        if (scaled_jacobian(better.positions, better.quads.row(q)) > 0) continue;
+        const double now = scaled_jacobian(better.positions, better.quads.row(q));
+        if (now > 0 && now >= std::min(0.01, 0.5 * before[static_cast<std::size_t>(q)])) continue;
         for (int i = 0; i < 4; ++i) {
           const Index v = quads.quads(q, i);
           if (better.positions.row(v) == quads.positions.row(v)) continue;
@@ -34,7 +54,8 @@ inline void polish_split(const TriangleMesh<double>& mesh, const PolishOptions& 
       }
     }
     quads = std::move(better);
-    if (report.average_after < report.average_before + 0.002 && report.least_after < report.least_before + 0.01) return;
+    if (report.average_after < report.average_before + 0.0005 && report.least_after < report.least_before + 0.01)
+      return;
   }
 }
 
@@ -64,7 +85,7 @@ QUADRIG_INLINE Expected<SplitQuads> split_quads(const TriangleMesh<double>& mesh
   // Long needles would fall into far more pieces than that: then longer edges must do.
   RefineOptions refine_options = options.refine;
   refine_options.max_faces = static_cast<Index>(std::min<std::int64_t>(
-      refine_options.max_faces, 20'000 + 2 * std::int64_t{mesh.face_count()} + 30 * std::int64_t{faces_wanted}));
+      refine_options.max_faces, 5'000 + 2 * std::int64_t{mesh.face_count()} + 30 * std::int64_t{faces_wanted}));
   std::optional<Refinement> refined;
   for (int attempt = 0; attempt < 60 && length > 0 && std::isfinite(length); ++attempt) {
     Expected<Refinement> finer = refine(
@@ -96,7 +117,7 @@ QUADRIG_INLINE Expected<SplitQuads> split_quads(const TriangleMesh<double>& mesh
   SplitReport& report = result.report;
   report.refined_faces = fine.face_count();
   context.progress("simplify", 0.1);
-  detail::Decimator decimator(fine, options.uniformity);
+  detail::Decimator decimator(fine, options.uniformity, std::sqrt(2 * mesh.total_area() / faces_wanted));
   if (Status status = decimator.reduce(faces_wanted, context); !status) return status.error();
   context.progress("simplify", 0.6);
 
@@ -120,6 +141,8 @@ QUADRIG_INLINE Expected<SplitQuads> split_quads(const TriangleMesh<double>& mesh
   context.progress("simplify", 0.8);
   detail::polish_split(mesh, options.polish, result.mesh, context);
   if (context.cancelled()) return cancelled_error("simplify");
+  placer.retry(result.mesh);
+  result.mesh = placer.result();
   const double tolerance = 1e-9 * mesh.diagonal();
   for (Index v = 0; v < result.mesh.vertex_count(); ++v) {
     const double distance =
