@@ -30,6 +30,7 @@ struct Session {
 /// What main runs after the options are parsed: set by the verb that was named.
 using Run = std::function<Status(Session&)>;
 
+void add_copy(CLI::App& app, Run& run);
 void add_sample(CLI::App& app, Run& run);
 void add_stats(CLI::App& app, Run& run);
 void add_dominance(CLI::App& app, Run& run);

@@ -48,6 +48,7 @@ int run(int argc, char** argv) {
   cli::add_field(app, verb);
   cli::add_dominance(app, verb);
   cli::add_stats(app, verb);
+  cli::add_copy(app, verb);
   cli::add_sample(app, verb);
   try {
     app.parse(argc, argv);

@@ -1,6 +1,7 @@
 // quadrig remesh: the whole way.
 #include "command.hpp"
 #include "quadrig/pipeline.hpp"
+#include "remesh_gltf.hpp"
 
 namespace quadrig::cli {
 namespace {
@@ -12,8 +13,9 @@ struct Options {
   SizingOptions sizing;
   bool aspect_given = false;
   double crease_degrees = 0;
-  std::filesystem::path output, report, weights_out;
+  std::filesystem::path output, report, weights_out, quads_out;
   bool binary_weights = false;
+  std::string poses = "bends";
 };
 
 Json options_json(const Options& o) {
@@ -45,44 +47,24 @@ Json report_json(const Options& options, const LoadedAsset& loaded, const Remesh
                  std::span<const Warning> warnings) {
   Json report = report_head("remesh", options.input, loaded);
   report["options"] = options_json(options);
-  report["valid"] = r.valid;
-  report["quads"] = r.quads;
-  report["vertices"] = r.vertices;
-  report["irregular"] = r.irregular;
-  report["scaled_jacobian"] = {{"average", r.scaled_jacobian_average}, {"minimum", r.scaled_jacobian_minimum}};
-  report["minimum_count"] = r.minimum_count;
-  report["components"] = Json::array();
-  for (const ComponentReport& c : r.components)
-    report["components"].push_back({{"faces", c.faces},
-                                    {"asked", c.asked},
-                                    {"quads", c.quads},
-                                    {"irregular", c.irregular},
-                                    {"singularities", c.singularities},
-                                    {"rung", rung_name(c.rung)},
-                                    {"reasons", c.reasons}});
-  report["field"] = {{"preset", field_preset_name(r.field.preset)},
-                     {"singularities_plus", r.field.singularities_plus},
-                     {"singularities_minus", r.field.singularities_minus},
-                     {"index_sum", r.field.index_sum},
-                     {"mean_angle_to_bone_deg", r.field.mean_angle_to_bone_deg},
-                     {"residual", r.field.solve.residual}};
-  report["seconds"] = {
-      {"read", read_seconds},       {"metric", r.seconds.metric},     {"field", r.seconds.field},
-      {"map", r.seconds.map},       {"integers", r.seconds.integers}, {"extraction", r.seconds.extraction},
-      {"polish", r.seconds.polish}, {"transfer", r.seconds.transfer}, {"total", read_seconds + r.seconds.total}};
-  Json all = warnings_json(warnings);
-  for (const Json& warning : warnings_json(r.warnings))
-    if (std::find(all.begin(), all.end(), warning) == all.end()) all.push_back(warning);
-  report["warnings"] = all;
+  add_remesh_figures(report, r, read_seconds, warnings);
   return report;
 }
 
 Status remesh_files(Options options, Session& session) {
   const Input& input = options.input;
   const std::filesystem::path& weights_out = options.weights_out;
-  if (Status status = check_outputs(input, {options.output, options.report, weights_out}); !status) return status;
-  if (options.output.extension() != ".obj")
+  if (Status status = check_outputs(input, {options.output, options.report, weights_out, options.quads_out}); !status)
+    return status;
+  const bool gltf = is_gltf(input.files.mesh);
+  if (!gltf && options.output.extension() != ".obj")
     return Error{ErrorCode::bad_option, "quads are written as OBJ alone", options.output.string(), "name an .obj file"};
+  if (gltf && (!weights_out.empty() || !input.files.rig.empty()))
+    return Error{ErrorCode::bad_option, "a glTF file has its rig and weights within", input.files.mesh.string(),
+                 "leave out --rig, --weights and --weights-out"};
+  if (!gltf && (!options.quads_out.empty() || options.poses != "bends"))
+    return Error{ErrorCode::bad_option, "--quads-out and --poses are for glTF files", input.files.mesh.string(),
+                 "leave them out"};
   if (!weights_out.empty() && input.files.rig.empty())
     return Error{ErrorCode::bad_option, "weights asked of an asset without a rig", weights_out.string(),
                  "give --rig and --weights"};
@@ -98,6 +80,11 @@ Status remesh_files(Options options, Session& session) {
   }
   if (options.crease_degrees > 0) options.remesh.crease_angle_radians = options.crease_degrees * std::numbers::pi / 180;
   if (Status status = options.remesh.validate(); !status) return status;
+
+  if (gltf)
+    return remesh_gltf_file({input.files.mesh, options.output, options.report, options.quads_out, options.remesh,
+                             input.load.prepare, options.poses == "clips", options_json(options)},
+                            session);
 
   const Stopwatch watch;
   const Expected<LoadedAsset> loaded = load(input, session);
@@ -131,13 +118,48 @@ Status remesh_files(Options options, Session& session) {
 
 }  // namespace
 
+void add_remesh_figures(Json& report, const RemeshReport& r, double read_seconds, std::span<const Warning> warnings) {
+  report["valid"] = r.valid;
+  report["quads"] = r.quads;
+  report["vertices"] = r.vertices;
+  report["irregular"] = r.irregular;
+  report["scaled_jacobian"] = {{"average", r.scaled_jacobian_average}, {"minimum", r.scaled_jacobian_minimum}};
+  report["minimum_count"] = r.minimum_count;
+  report["components"] = Json::array();
+  for (const ComponentReport& c : r.components)
+    report["components"].push_back({{"faces", c.faces},
+                                    {"asked", c.asked},
+                                    {"quads", c.quads},
+                                    {"irregular", c.irregular},
+                                    {"singularities", c.singularities},
+                                    {"rung", rung_name(c.rung)},
+                                    {"reasons", c.reasons}});
+  report["field"] = {{"preset", field_preset_name(r.field.preset)},
+                     {"singularities_plus", r.field.singularities_plus},
+                     {"singularities_minus", r.field.singularities_minus},
+                     {"index_sum", r.field.index_sum},
+                     {"mean_angle_to_bone_deg", r.field.mean_angle_to_bone_deg},
+                     {"residual", r.field.solve.residual}};
+  report["seconds"] = {
+      {"read", read_seconds},       {"metric", r.seconds.metric},     {"field", r.seconds.field},
+      {"map", r.seconds.map},       {"integers", r.seconds.integers}, {"extraction", r.seconds.extraction},
+      {"polish", r.seconds.polish}, {"transfer", r.seconds.transfer}, {"total", read_seconds + r.seconds.total}};
+  Json all = warnings_json(warnings);
+  for (const Json& warning : warnings_json(r.warnings))
+    if (std::find(all.begin(), all.end(), warning) == all.end()) all.push_back(warning);
+  report["warnings"] = all;
+}
+
 void add_remesh(CLI::App& app, Run& run) {
   auto options = std::make_shared<Options>();
   RemeshOptions& remesh = options->remesh;
   CLI::App* verb = app.add_subcommand("remesh", "Quads that follow the rig, with the rig's weights");
   add_input(*verb, options->input);
   verb->add_option("--quads", remesh.quads, "How many quads")->required()->type_name("N");
-  verb->add_option("-o,--output", options->output, "The quads, 17 digits a number")->required()->type_name("OUT.obj");
+  verb->add_option("-o,--output", options->output, "The quads; of a glTF file the whole file")
+      ->required()
+      ->type_name("OUT.obj|.glb|.gltf");
+  verb->add_option("--quads-out", options->quads_out, "The quads of a glTF file alone")->type_name("Q.obj");
   verb->add_option("--weights-out", options->weights_out, "Their skin weights")->type_name("W.dmat");
   verb->add_flag("--binary-weights", options->binary_weights, "Write the weights as binary DMAT");
   verb->add_option("--report", options->report, "The figures as JSON (docs/report-schema.json)")->type_name("FILE");
@@ -185,6 +207,11 @@ void add_remesh(CLI::App& app, Run& run) {
       ->capture_default_str()
       ->type_name("ANGLE")
       ->group(group);
+  verb->add_option("--poses", options->poses, "Of a glTF file: bend every joint, or sample its own clips")
+      ->check(CLI::IsMember({"bends", "clips"}))
+      ->capture_default_str()
+      ->type_name("bends|clips")
+      ->group(group);
 
   const std::string expert = "For experts";
   verb->add_option("--count-tolerance", remesh.count_tolerance, "How far off the count may be")
@@ -194,6 +221,7 @@ void add_remesh(CLI::App& app, Run& run) {
   verb->add_option("--solver", remesh.solver, "Linear solver")->capture_default_str()->type_name("NAME")->group(expert);
   verb->footer(R"(Examples:
   quadrig remesh arm.obj --rig arm.tgf --weights arm.dmat --quads 2000 -o quads.obj --weights-out quads.dmat
+  quadrig remesh knight.glb --quads 4000 -o quads.glb --quads-out quads.obj
   quadrig remesh bunny.off --quads 5000 -o quads.obj --report report.json
   quadrig remesh fandisk.off --quads 3000 --creases 40 -o quads.obj
   quadrig remesh arm.obj --rig arm.tgf --weights arm.dmat --quads 2000 --density posed --joint-weight 8 -o quads.obj

@@ -1,0 +1,44 @@
+// quadrig copy: a glTF file through the lossless layer.
+#include "command.hpp"
+#include "quadrig/gltf/document.hpp"
+
+namespace quadrig::cli {
+namespace {
+
+struct Options {
+  std::filesystem::path input, output;
+};
+
+Status copy(const Options& options, Session& session) {
+  Input input;
+  input.files.mesh = options.input;
+  if (Status status = check_outputs(input, {options.output}); !status) return status;
+  const Expected<GltfDocument> document = GltfDocument::read(options.input, {}, session.context);
+  if (!document) return document.error();
+  FileSet files;
+  if (Status status = document->add_to(files, options.output, session.context); !status) return status;
+  if (Status status = files.commit(); !status) return status;
+  session.say(options.output.string() + ": copied");
+  return {};
+}
+
+}  // namespace
+
+void add_copy(CLI::App& app, Run& run) {
+  auto options = std::make_shared<Options>();
+  CLI::App* verb = app.add_subcommand("copy", "A glTF file as it is, or from .glb to .gltf and back");
+  verb->add_option("IN", options->input, "A .glb or .gltf file")->required()->type_name("");
+  verb->add_option("OUT", options->output, "The same, .glb or .gltf")->required()->type_name("");
+  verb->footer(
+      R"(Within one container the copy is the same bytes; buffers and images that the file names go with it into
+another folder. From .glb to .gltf the binary chunk becomes a file beside it, from .gltf to .glb the first buffer becomes
+the binary chunk.
+
+Examples:
+  quadrig copy knight.glb copies/knight.glb
+  quadrig copy knight.glb copies/knight.gltf)");
+  verb->fallthrough();
+  verb->callback([options, &run] { run = [options](Session& session) { return copy(*options, session); }; });
+}
+
+}  // namespace quadrig::cli

@@ -1,0 +1,24 @@
+// What quadrig remesh does with a glTF file.
+#pragma once
+
+#include "command.hpp"
+#include "quadrig/pipeline.hpp"
+
+namespace quadrig::cli {
+
+struct GltfJob {
+  std::filesystem::path input, output, report, quads_out;
+  RemeshOptions remesh;
+  PrepareOptions prepare;
+  bool clips = false;  ///< poses of the file's clips
+  Json options_json;
+};
+
+/// By the extension.
+[[nodiscard]] bool is_gltf(const std::filesystem::path& path);
+[[nodiscard]] Status remesh_gltf_file(const GltfJob& job, Session& session);
+
+/// The figures of a remesh, after the head of its report.
+void add_remesh_figures(Json& report, const RemeshReport& r, double read_seconds, std::span<const Warning> warnings);
+
+}  // namespace quadrig::cli

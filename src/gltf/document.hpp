@@ -1,0 +1,138 @@
+// What the sources of the glTF layer share: the document's insides and checked access to its JSON.
+#pragma once
+
+#include <set>
+
+#include <nlohmann/json.hpp>
+
+#include "quadrig/gltf/document.hpp"
+
+namespace quadrig {
+namespace gltf {
+
+using Json = nlohmann::ordered_json;
+
+struct Chunk {
+  std::uint32_t type = 0;
+  std::string bytes;       ///< as stored, with padding
+  bool is_buffer = false;  ///< its bytes are those of the first buffer
+};
+
+struct Buffer {
+  std::string bytes;
+  bool loaded = false;
+  bool embedded = false;  ///< has no name of its own: the binary chunk, or made here
+};
+
+inline constexpr std::uint32_t json_chunk = 0x4E4F534A, binary_chunk = 0x004E4942;
+
+}  // namespace gltf
+
+struct GltfDocument::State {
+  GltfContainer container = GltfContainer::json;
+  std::filesystem::path name;
+  GltfLimits limits;
+  std::string text;  ///< JSON as read
+  gltf::Json json;
+  std::vector<gltf::Chunk> chunks;  ///< of a .glb, in order, the JSON among them
+  std::vector<gltf::Buffer> buffers;
+  bool edited = false;
+
+  [[nodiscard]] Error bad(std::string where, std::string what, std::string remedy = "export the file again") const {
+    return {ErrorCode::bad_input, std::move(what), name.string() + ": " + where, std::move(remedy)};
+  }
+  [[nodiscard]] Error unsupported(std::string where, std::string what, std::string remedy) const {
+    return {ErrorCode::unsupported, std::move(what), name.string() + ": " + where, std::move(remedy)};
+  }
+};
+
+namespace gltf {
+
+using State = GltfDocument::State;
+
+[[nodiscard]] inline std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+[[nodiscard]] inline std::string numbered(std::string_view array, std::size_t i) {
+  return std::string(array) + "[" + std::to_string(i) + "]";
+}
+
+/// The member, or null where it is absent or `object` is none.
+[[nodiscard]] inline const Json* member(const Json& object, const char* key) {
+  if (!object.is_object()) return nullptr;
+  const auto found = object.find(key);
+  return found == object.end() ? nullptr : &*found;
+}
+/// A member that is an array, or an empty array.
+[[nodiscard]] const Json& array_of(const Json& object, const char* key);
+/// A whole number from 0, written as an integer or as 3.0.
+[[nodiscard]] std::optional<std::size_t> whole(const Json& value);
+
+/// The member as a whole number. \fails bad_input where it is something else; `fallback` where it is absent
+[[nodiscard]] Expected<std::size_t> whole_member(const State& state, const Json& object, const char* key,
+                                                 const std::string& where, std::optional<std::size_t> fallback = {});
+/// An entry of an array of the document (`accessors`, `nodes`, ...). \fails bad_input where there is none
+[[nodiscard]] Expected<const Json*> entry(const State& state, const char* array, std::size_t i,
+                                          const std::string& where);
+/// `count` numbers of an array member. \fails bad_input; nothing where it is absent
+[[nodiscard]] Expected<std::optional<std::vector<double>>> number_array(const State& state, const Json& object,
+                                                                        const char* key, std::size_t count,
+                                                                        const std::string& where);
+
+// uri.cpp
+[[nodiscard]] Expected<std::string> decode_data_uri(const State& state, std::string_view uri, const std::string& where);
+[[nodiscard]] std::string encode_base64(std::string_view bytes);
+/// The file that a relative name stands for. \fails bad_input where it has a scheme, is absolute or leaves the folder
+[[nodiscard]] Expected<std::filesystem::path> relative_file(const State& state, std::string_view uri,
+                                                            const std::string& where);
+[[nodiscard]] inline bool is_data_uri(std::string_view uri) { return uri.starts_with("data:"); }
+[[nodiscard]] inline bool has_scheme(std::string_view uri) {
+  const auto colon = uri.find(':');
+  return colon != std::string_view::npos && uri.find('/') > colon;
+}
+
+// buffers.cpp
+/// The bytes of a buffer, loaded at first. \fails bad_input, bad_file
+[[nodiscard]] Expected<std::string_view> buffer_bytes(State& state, std::size_t i);
+/// The bytes of a buffer view. \fails bad_input where it is not within its buffer; unsupported where it is compressed
+[[nodiscard]] Expected<std::string_view> view_bytes(State& state, std::size_t i, std::size_t& stride);
+
+// accessor.cpp
+/// How much one request may still read.
+struct Budget {
+  std::size_t values = 0;
+};
+struct AccessorShape {
+  std::size_t count = 0, components = 0, component_bytes = 0;
+  int component_type = 0;
+  bool normalized = false;
+};
+[[nodiscard]] Expected<AccessorShape> accessor_shape(const State& state, std::size_t i);
+using Values = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+/// count × components, normalized integers as numbers in [−1, 1]. \fails bad_input, unsupported
+[[nodiscard]] Expected<Values> read_accessor(State& state, std::size_t i, Budget& budget);
+/// Accessors that several primitives or samplers share, read once.
+using Cache = std::vector<std::shared_ptr<const Values>>;
+[[nodiscard]] Expected<std::shared_ptr<const Values>> read_cached(State& state, std::size_t i, Budget& budget,
+                                                                  Cache& cache);
+
+// edit.cpp
+/// Appends one accessor with its view and bytes and returns its number; never sparse, aligned, bounds where asked.
+struct NewAccessor {
+  const char* type = "SCALAR";
+  int component_type = 5126;
+  std::size_t count = 0;
+  std::string_view bytes;
+  std::size_t row_bytes = 0;  ///< the view's stride, for vertex attributes
+  int target = 0;             ///< 34962 attributes, 34963 indices, 0 neither
+  std::vector<double> low, high;
+};
+[[nodiscard]] std::size_t append_accessor(State& state, const NewAccessor& made);
+/// The accessors that meshes, skins and animations refer to.
+[[nodiscard]] std::set<std::size_t> referred_accessors(State& state);
+/// Puts accessors from `first_new` on into the places of those in `before` that nothing refers to any more, so that no
+/// accessor of the old surface is left; the others keep their numbers. Places left over hold a single zero.
+void reuse_accessors(State& state, std::size_t first_new, const std::set<std::size_t>& before);
+/// Readies the document for a container: into a .glb the first buffer is embedded. \fails as buffer_bytes
+[[nodiscard]] Status embed_first_buffer(State& state);
+
+}  // namespace gltf
+}  // namespace quadrig

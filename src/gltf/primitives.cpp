@@ -1,0 +1,138 @@
+// Vertices into accessors.
+#include "primitives.hpp"
+
+#include <cstring>
+
+namespace quadrig::gltf {
+namespace {
+
+template <class T>
+void put(std::string& bytes, T value) {
+  char raw[sizeof(T)];
+  std::memcpy(raw, &value, sizeof(T));
+  bytes.append(raw, sizeof(T));
+}
+
+const char* type_of(Eigen::Index width) {
+  static constexpr const char* types[] = {"SCALAR", "VEC2", "VEC3", "VEC4"};
+  return types[width - 1];
+}
+
+/// One attribute of floats, with its bounds where asked.
+std::size_t append_floats(State& state, std::size_t count, Eigen::Index width, bool bounds,
+                          function_ref<double(std::size_t, Eigen::Index)> value) {
+  NewAccessor made;
+  std::string bytes;
+  bytes.reserve(count * static_cast<std::size_t>(width) * 4);
+  const auto columns = static_cast<std::size_t>(width);
+  std::vector<double> low(columns, std::numeric_limits<double>::infinity()), high(columns, -low[0]);
+  for (std::size_t v = 0; v < count; ++v)
+    for (Eigen::Index k = 0; k < width; ++k) {
+      const double exact = value(v, k);
+      const float x = std::isfinite(exact) && std::abs(exact) < 3e38 ? static_cast<float>(exact) : 0.0F;
+      put(bytes, x);
+      const auto column = static_cast<std::size_t>(k);
+      low[column] = std::min(low[column], static_cast<double>(x));
+      high[column] = std::max(high[column], static_cast<double>(x));
+    }
+  made.type = type_of(width);
+  made.count = count;
+  made.bytes = bytes;
+  made.row_bytes = columns * 4;
+  made.target = 34962;
+  if (bounds) made.low = low, made.high = high;
+  return append_accessor(state, made);
+}
+
+}  // namespace
+
+std::size_t append_matrices(State& state, std::span<const Eigen::Affine3d> matrices) {
+  std::string bytes;
+  for (const Eigen::Affine3d& matrix : matrices)
+    for (int k = 0; k < 16; ++k) put(bytes, static_cast<float>(matrix.matrix().data()[k]));
+  NewAccessor made;
+  made.type = "MAT4";
+  made.count = matrices.size();
+  made.bytes = bytes;
+  return append_accessor(state, made);
+}
+
+Index PrimitiveBuilder::vertex(std::uint64_t key, function_ref<Vertex()> make) {
+  const auto [place, is_new] = known_.try_emplace(key, vertex_count());
+  if (is_new) vertices_.push_back(make());
+  return place->second;
+}
+
+Json PrimitiveBuilder::write(State& state, const Json& old, const Gathered& gathered, const Primitive& primitive,
+                             Index joints) const {
+  const std::size_t count = vertices_.size();
+  Json attributes;
+  attributes["POSITION"] =
+      append_floats(state, count, 3, true, [&](std::size_t v, Eigen::Index k) { return vertices_[v].position[k]; });
+  attributes["NORMAL"] =
+      append_floats(state, count, 3, false, [&](std::size_t v, Eigen::Index k) { return vertices_[v].normal[k]; });
+  Json targets = Json::array();
+  for (const std::size_t a : primitive.attributes) {
+    const Attribute& attribute = gathered.attributes[a];
+    if (attribute.name == "NORMAL") continue;
+    const bool colour = attribute.name.starts_with("COLOR_"), morph = attribute.target != Attribute::no_target;
+    const std::size_t accessor =
+        append_floats(state, count, attribute.width, morph, [&](std::size_t v, Eigen::Index k) {
+          const double x = vertices_[v].values[attribute.first + k];
+          return colour ? std::clamp(x, 0.0, 1.0) : x;
+        });
+    if (morph)
+      targets.push_back(Json{{"POSITION", accessor}});
+    else
+      attributes[attribute.name] = accessor;
+  }
+
+  // Influences by four; what is left of 1 after rounding goes to the strongest.
+  std::size_t most = 1;
+  for (const Vertex& vertex : vertices_) most = std::max(most, vertex.weights.size());
+  const bool wide = joints > 256;
+  for (std::size_t set = 0; 4 * set < most; ++set) {
+    std::string numbers;
+    for (const Vertex& vertex : vertices_)
+      for (std::size_t k = 4 * set; k < 4 * set + 4; ++k) {
+        const Index joint = k < vertex.weights.size() ? vertex.weights[k].first : 0;
+        wide ? put(numbers, static_cast<std::uint16_t>(joint)) : put(numbers, static_cast<std::uint8_t>(joint));
+      }
+    NewAccessor made;
+    made.type = "VEC4";
+    made.component_type = wide ? 5123 : 5121;
+    made.count = count;
+    made.bytes = numbers;
+    made.row_bytes = wide ? 8 : 4;
+    made.target = 34962;
+    attributes["JOINTS_" + std::to_string(set)] = append_accessor(state, made);
+    attributes["WEIGHTS_" + std::to_string(set)] =
+        append_floats(state, count, 4, false, [&](std::size_t v, Eigen::Index k) {
+          const auto& weights = vertices_[v].weights;
+          const std::size_t own = 4 * set + static_cast<std::size_t>(k);
+          if (own >= weights.size()) return 0.0;
+          if (own > 0) return weights[own].second;
+          double rest = 1;
+          for (std::size_t i = 1; i < weights.size(); ++i) rest -= static_cast<float>(weights[i].second);
+          return rest;
+        });
+  }
+
+  std::string numbers;
+  const bool long_indices = count > 65535;
+  for (const Index v : indices_)
+    long_indices ? put(numbers, static_cast<std::uint32_t>(v)) : put(numbers, static_cast<std::uint16_t>(v));
+  NewAccessor made;
+  made.component_type = long_indices ? 5125 : 5123;
+  made.count = indices_.size();
+  made.bytes = numbers;
+  made.target = 34963;
+  Json result = old;
+  result["attributes"] = std::move(attributes);
+  result["indices"] = append_accessor(state, made);
+  if (member(result, "mode")) result["mode"] = 4;
+  if (primitive.targets > 0) result["targets"] = std::move(targets);
+  return result;
+}
+
+}  // namespace quadrig::gltf

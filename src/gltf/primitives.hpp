@@ -1,0 +1,37 @@
+// New primitives: vertices and triangles collected by primitive, then put in the place of the old ones.
+#pragma once
+
+#include <unordered_map>
+
+#include "gather.hpp"
+
+namespace quadrig::gltf {
+
+/// The new vertices and triangles of one primitive.
+class PrimitiveBuilder {
+ public:
+  struct Vertex {
+    Vector3 position, normal;
+    Eigen::VectorXd values;                         ///< all columns of Gathered::attributes
+    std::vector<std::pair<Index, double>> weights;  ///< strongest first, sum 1
+  };
+  /// The number of the vertex that `key` stands for; made where it is new.
+  Index vertex(std::uint64_t key, function_ref<Vertex()> make);
+  void triangle(Index a, Index b, Index c) { indices_.insert(indices_.end(), {a, b, c}); }
+
+  [[nodiscard]] bool empty() const { return indices_.empty(); }
+  [[nodiscard]] Index vertex_count() const { return static_cast<Index>(vertices_.size()); }
+  /// Writes accessors and returns the primitive `old` with them in the place of its own.
+  [[nodiscard]] Json write(State& state, const Json& old, const Gathered& gathered, const Primitive& primitive,
+                           Index joints) const;
+
+ private:
+  std::vector<Vertex> vertices_;
+  std::vector<Index> indices_;
+  std::unordered_map<std::uint64_t, Index> known_;
+};
+
+/// One matrix a joint, by columns. \return the accessor
+[[nodiscard]] std::size_t append_matrices(State& state, std::span<const Eigen::Affine3d> matrices);
+
+}  // namespace quadrig::gltf

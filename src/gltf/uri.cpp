@@ -1,0 +1,99 @@
+// Data URIs, and names of files that stay in the document's folder.
+#include <array>
+
+#include "document.hpp"
+
+namespace quadrig::gltf {
+namespace {
+
+constexpr std::string_view digits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+
+int hexadecimal(char c) {
+  if (c >= '0' && c <= '9') return c - '0';
+  if (c >= 'a' && c <= 'f') return c - 'a' + 10;
+  if (c >= 'A' && c <= 'F') return c - 'A' + 10;
+  return -1;
+}
+
+std::string percent_decoded(std::string_view text) {
+  std::string result;
+  result.reserve(text.size());
+  for (std::size_t i = 0; i < text.size(); ++i) {
+    if (text[i] == '%' && i + 2 < text.size()) {
+      const int high = hexadecimal(text[i + 1]), low = hexadecimal(text[i + 2]);
+      if (high >= 0 && low >= 0) {
+        result += static_cast<char>(16 * high + low);
+        i += 2;
+        continue;
+      }
+    }
+    result += text[i];
+  }
+  return result;
+}
+
+}  // namespace
+
+std::string encode_base64(std::string_view bytes) {
+  std::string text;
+  text.reserve((bytes.size() + 2) / 3 * 4);
+  for (std::size_t i = 0; i < bytes.size(); i += 3) {
+    std::uint32_t three = 0;
+    for (std::size_t k = 0; k < 3; ++k)
+      three = three << 8 | (i + k < bytes.size() ? static_cast<unsigned char>(bytes[i + k]) : 0U);
+    for (std::size_t k = 0; k < 4; ++k) text += i + k > bytes.size() ? '=' : digits[three >> (18 - 6 * k) & 63U];
+  }
+  return text;
+}
+
+Expected<std::string> decode_data_uri(const State& state, std::string_view uri, const std::string& where) {
+  const auto comma = uri.find(',');
+  if (comma == std::string_view::npos) return state.bad(where, "is a data URI without data");
+  const std::string_view data = uri.substr(comma + 1);
+  if (!uri.substr(0, comma).ends_with(";base64")) return percent_decoded(data);
+  std::array<signed char, 256> value{};
+  value.fill(-1);
+  for (std::size_t i = 0; i < digits.size(); ++i)
+    value[static_cast<unsigned char>(digits[i])] = static_cast<signed char>(i);
+  value[static_cast<unsigned char>('-')] = 62;  // the alphabet of URLs, which some writers use
+  value[static_cast<unsigned char>('_')] = 63;
+  std::string bytes;
+  bytes.reserve(data.size() / 4 * 3 + 3);
+  std::uint32_t bits = 0;
+  int held = 0;
+  for (std::size_t i = 0; i < data.size() && data[i] != '='; ++i) {
+    const int digit = value[static_cast<unsigned char>(data[i])];
+    if (digit < 0)
+      return state.bad(where, "has a character at " + std::to_string(i) + " of its data that is not base64");
+    bits = (bits << 6 | static_cast<std::uint32_t>(digit)) & 0xffffffU;
+    held += 6;
+    if (held >= 8) {
+      held -= 8;
+      bytes += static_cast<char>(bits >> held & 0xffU);
+    }
+  }
+  return bytes;
+}
+
+Expected<std::filesystem::path> relative_file(const State& state, std::string_view uri, const std::string& where) {
+  const std::string remedy = "keep the files of an asset in one folder and name them relative to it";
+  if (has_scheme(uri)) return state.bad(where, "names something elsewhere", remedy);
+  const std::filesystem::path named = percent_decoded(uri);
+  if (named.empty() || named.is_absolute() || named.native().find('\0') != std::string::npos)
+    return state.bad(where, "is not a relative name", remedy);
+  for (const auto& part : named)
+    if (part == "..") return state.bad(where, "leaves the folder of the file", remedy);
+  const std::filesystem::path folder = state.name.parent_path();
+  if (folder.empty() && !std::filesystem::exists(state.name))
+    return state.bad(where, "names a file, and the document is not one itself", remedy);
+  // Links are followed before the folders are compared, so that none leads out.
+  std::error_code error;
+  const auto home = std::filesystem::weakly_canonical(folder.empty() ? "." : folder, error);
+  const auto there = std::filesystem::weakly_canonical((folder.empty() ? "." : folder) / named, error);
+  const auto inside = there.lexically_relative(home);
+  if (error || inside.empty() || *inside.begin() == "..")
+    return state.bad(where, "leaves the folder of the file", remedy);
+  return there;
+}
+
+}  // namespace quadrig::gltf

@@ -1,0 +1,173 @@
+// The document back into files.
+#include <set>
+
+#include "document.hpp"
+#include "io/scan.hpp"
+
+namespace quadrig {
+namespace gltf {
+namespace {
+
+void put_word(std::string& bytes, std::size_t value) {
+  for (std::size_t k = 0; k < 4; ++k) bytes += static_cast<char>(value >> (8 * k) & 0xffU);
+}
+
+void put_chunk(std::string& bytes, std::uint32_t type, std::string_view contents, char padding) {
+  const std::size_t padded = (contents.size() + 3) / 4 * 4;
+  put_word(bytes, padded);
+  put_word(bytes, type);
+  bytes += contents;
+  bytes.append(padded - contents.size(), padding);
+}
+
+/// As stored: chunks whose length is no multiple of 4 stay so.
+void put_stored(std::string& bytes, std::uint32_t type, std::string_view contents) {
+  put_word(bytes, contents.size());
+  put_word(bytes, type);
+  bytes += contents;
+}
+
+Expected<std::string> glb_bytes(State& state, bool untouched) {
+  std::string bytes = "glTF";
+  put_word(bytes, 2);
+  put_word(bytes, 0);
+  if (untouched) {
+    for (const Chunk& chunk : state.chunks)
+      put_stored(bytes, chunk.type, chunk.is_buffer ? state.buffers[0].bytes : chunk.bytes);
+  } else {
+    put_chunk(bytes, json_chunk, state.json.dump(), ' ');
+    if (!state.buffers.empty() && state.buffers[0].embedded)
+      put_chunk(bytes, binary_chunk, state.buffers[0].bytes, '\0');
+    for (std::size_t i = 1; i < state.chunks.size(); ++i)
+      if (!state.chunks[i].is_buffer) put_stored(bytes, state.chunks[i].type, state.chunks[i].bytes);
+  }
+  if (bytes.size() > 0xffffffffU)
+    return state.unsupported("file", "is larger than the 4 GiB that a .glb can be", "write a .gltf file");
+  std::string length;
+  put_word(length, bytes.size());
+  bytes.replace(8, 4, length);
+  return bytes;
+}
+
+/// The files that the JSON names and that belong to it.
+std::set<std::string> named_files(const Json& json, const char* array) {
+  std::set<std::string> names;
+  for (const Json& one : array_of(json, array))
+    if (const Json* uri = member(one, "uri"); uri && uri->is_string())
+      if (const auto& text = uri->get_ref<const std::string&>(); !is_data_uri(text) && !has_scheme(text))
+        names.insert(text);
+  return names;
+}
+
+/// A name beside the document that none of its other files has.
+std::string free_name(const std::filesystem::path& place, const std::set<std::string>& taken) {
+  const std::string stem = place.stem().string();
+  for (std::size_t i = 0;; ++i) {
+    // Characters that mean something in a URI are replaced, so that the name is its own URI.
+    std::string name = stem + (i == 0 ? "" : "_" + std::to_string(i)) + ".bin";
+    for (char& c : name)
+      if (!((c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '.' || c == '_' ||
+            c == '-'))
+        c = '_';
+    if (!taken.contains(name)) return name;
+  }
+}
+
+/// Puts buffers that were made here into the binary chunk, so that the file stays in one piece.
+void fold_last_buffers(State& state) {
+  while (state.buffers.size() > 1 && state.buffers[0].embedded && state.buffers.back().embedded) {
+    const std::size_t last = state.buffers.size() - 1;
+    std::string& first = state.buffers[0].bytes;
+    first.append((4 - first.size() % 4) % 4, '\0');
+    for (Json& view : state.json["bufferViews"])
+      if (const Json* buffer = member(view, "buffer"); buffer && whole(*buffer) == last) {
+        const Json* offset = member(view, "byteOffset");
+        const std::size_t own = offset ? whole(*offset).value_or(0) : 0;
+        view["buffer"] = 0;
+        view["byteOffset"] = first.size() + own;
+      }
+    first += state.buffers[last].bytes;
+    state.json["buffers"][0]["byteLength"] = first.size();
+    state.json["buffers"].erase(last);
+    state.buffers.pop_back();
+  }
+}
+
+}  // namespace
+
+Status embed_first_buffer(State& state) {
+  if (state.buffers.empty() || state.buffers[0].embedded) return {};
+  const Expected<std::string_view> bytes = buffer_bytes(state, 0);
+  if (!bytes) return bytes.error();
+  state.json["buffers"][0].erase("uri");
+  state.buffers[0].bytes.resize(bytes->size());
+  state.buffers[0].embedded = true;
+  state.edited = true;
+  return {};
+}
+
+}  // namespace gltf
+
+Status GltfDocument::add_to(FileSet& files, const std::filesystem::path& place, Context& context) const {
+  using gltf::Json;
+  const Expected<GltfContainer> wanted = gltf_container(place);
+  if (!wanted) return wanted.error();
+  const bool untouched = !state_->edited && *wanted == state_->container;
+  State copy = *state_;
+
+  if (*wanted == GltfContainer::binary) {
+    if (!untouched) {
+      if (Status status = gltf::embed_first_buffer(copy); !status) return status;
+      gltf::fold_last_buffers(copy);
+    }
+    for (std::size_t i = 1; i < copy.buffers.size(); ++i)
+      if (copy.buffers[i].embedded)
+        copy.json["buffers"][i]["uri"] =
+            "data:application/octet-stream;base64," + gltf::encode_base64(copy.buffers[i].bytes);
+    Expected<std::string> bytes = gltf::glb_bytes(copy, untouched);
+    if (!bytes) return bytes.error();
+    if (Status status = files.add(place, *bytes); !status) return status;
+  }
+  const std::set<std::string> buffers = gltf::named_files(copy.json, "buffers"),
+                              images = gltf::named_files(copy.json, "images");
+  if (*wanted == GltfContainer::json) {
+    std::set<std::string> taken = buffers;
+    taken.insert(images.begin(), images.end());
+    for (std::size_t i = 0; i < copy.buffers.size(); ++i) {
+      if (!copy.buffers[i].embedded) continue;
+      const std::string name = gltf::free_name(place, taken);
+      taken.insert(name);
+      const Expected<std::string_view> bytes = gltf::buffer_bytes(copy, i);
+      if (!bytes) return bytes.error();
+      if (Status status = files.add(place.parent_path() / name, *bytes); !status) return status;
+      copy.json["buffers"][i]["uri"] = name;
+    }
+    if (Status status = files.add(place, untouched ? copy.text : copy.json.dump(2) + "\n"); !status) return status;
+  }
+
+  // The files it names go with it. Without a buffer the copy would be broken; without an image it looks as before.
+  std::error_code ignored;
+  const auto folder_of = [&](const std::filesystem::path& path) {
+    return std::filesystem::weakly_canonical(path.parent_path().empty() ? "." : path.parent_path(), ignored);
+  };
+  const std::filesystem::path from = folder_of(copy.name);
+  if (from == folder_of(place)) return {};
+  const auto add = [&](const std::string& name) -> Status {
+    const Expected<std::filesystem::path> source = gltf::relative_file(copy, name, io::shown(name));
+    if (!source) return source.error();
+    Expected<std::string> bytes = io::read_file(*source, {.bytes = copy.limits.bytes});
+    if (!bytes) return bytes.error();
+    const std::filesystem::path target = place.parent_path() / source->lexically_relative(from);
+    if (target.has_parent_path()) std::filesystem::create_directories(target.parent_path(), ignored);
+    return files.add(target, *bytes);
+  };
+  for (const std::string& name : buffers)
+    if (Status status = add(name); !status) return status;
+  for (const std::string& name : images)
+    if (!buffers.contains(name))
+      if (Status status = add(name); !status)
+        context.warn("gltf", "an image does not go with the file: " + status.error().message());
+  return {};
+}
+
+}  // namespace quadrig
