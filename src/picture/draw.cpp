@@ -26,7 +26,7 @@ bool all_quads(const PolygonMesh& mesh) {
 struct Palette {
   Colour background{1, 1, 1};
   Colour quads{0.52, 0.68, 0.80}, others{0.62, 0.62, 0.60}, behind{0.75, 0.10, 0.08};
-  Colour quad_edge{0.01, 0.02, 0.04}, other_edge{0.25, 0.25, 0.25};
+  Colour quad_edge{0.01, 0.02, 0.04}, other_edge{0.33, 0.33, 0.33};
   Colour low_valence{0.02, 0.10, 0.75}, high_valence{0.95, 0.22, 0.01};
 };
 
