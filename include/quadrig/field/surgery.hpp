@@ -165,18 +165,26 @@ class FieldSurgery {
   /// Moves the units of an inner vertex to places all around it: all of three or more, one of two.
   Index scatter(Index v, double spread) {
     const Index units = index(v) > 2 ? index(v) : index(v) - 1;
-    std::vector<Index> around;
-    search({v}, 1.5 * spread, [&](Index w, double d) {
-      if (d >= spread && index(w) == 0) around.push_back(w);
+    // The narrowest ring with enough places, so that they lie evenly: else the charts around it are skewed.
+    std::vector<std::pair<double, Index>> reached;
+    search({v}, 3 * spread, [&](Index w, double d) {
+      if (d >= 0.5 * spread && index(w) == 0) reached.push_back({d, w});
       return false;
     });
+    std::vector<Index> around;
+    for (const auto& [low, high] : {std::pair{1.0, 1.05}, {1.0, 1.15}, {1.0, 1.5}, {0.75, 1.5}, {0.5, 2.0}, {0.5, 3.0}}) {
+      around.clear();
+      for (const auto& [d, w] : reached)
+        if (d >= low * spread && d <= high * spread) around.push_back(w);
+      if (around.size() >= 12) break;
+    }
     std::vector<Index> chosen;
     std::vector<double> nearest(around.size(), std::numeric_limits<double>::infinity());
     if (units < index(v))
       for (std::size_t k = 0; k < around.size(); ++k) nearest[k] = (mesh_.position(around[k]) - mesh_.position(v)).norm();
     while (static_cast<Index>(chosen.size()) < units && !around.empty()) {
       const auto best = static_cast<std::size_t>(std::max_element(nearest.begin(), nearest.end()) - nearest.begin());
-      if (nearest[best] < 0.5 * spread) return 0;
+      if (nearest[best] < 0.4 * spread) return 0;
       chosen.push_back(around[best]);
       for (std::size_t k = 0; k < around.size(); ++k)
         nearest[k] = std::min(nearest[k], (mesh_.position(around[k]) - mesh_.position(around[best])).norm());

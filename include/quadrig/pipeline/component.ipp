@@ -157,7 +157,7 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
   };
   static constexpr std::array<Attempt, 5> attempts{
       {{0.5, 1.5, true}, {1, 1.0, true}, {2, 0.7, false}, {4, 0.5, false}, {8, 0.35, false}}};
-  static constexpr int max_operations = 6;
+  static constexpr int max_operations = 3;
   for (const Attempt& attempt : attempts) {
     if (context.cancelled()) return cancelled_error("remesh");
     const auto leave = [&](const std::string& reason) {

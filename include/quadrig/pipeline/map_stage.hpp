@@ -84,6 +84,7 @@ template <class K>
   };
   const Index euler = euler_characteristic(mesh), loops = boundary_loop_count(mesh);
 
+  const auto singular = std::count_if(in.index.begin(), in.index.end(), [](Index i) { return i != 0; });
   Expected<MapUnknowns<K>> unknowns = MapUnknowns<K>::create(mesh, in.cut, in.index, in.aligned);
   if (!unknowns) return unknowns.error();
 
@@ -95,6 +96,12 @@ template <class K>
   struct Scaling {
     double fidelity, largest;
   };
+  struct Tried {
+    TargetEdges target;
+    std::vector<Complex> z;
+    Index defects;
+  };
+  std::vector<Tried> candidates;
   for (const auto& [fidelity, largest] : {Scaling{64, 4}, Scaling{4, 4}, Scaling{0.1, 64}}) {
     target = in.target;
     LogScaleOptions scales;
@@ -109,16 +116,24 @@ template <class K>
     if (!solved) return solved.error();
     valid = solved->defects.valid();
     if (valid) break;
-    Expected<UntangleReport> untangled =
-        untangle(mesh, in.cut, in.index, in.aligned, target, UntangleOptions{}, z, context);
-    if (!untangled) return untangled.error();
-    valid = untangled->defects.valid();
-    if (valid) break;
+    const Index defects = solved->defects.flips + solved->defects.wrong_cones;
+    candidates.push_back({target, z, defects});
     trouble = solved->defects.flipped_faces;
     for (const Index v : solved->defects.wrong_vertices) trouble.push_back(mesh.outgoing(v) / 3);
     out.reasons.push_back("seamless map at fidelity " + std::to_string(fidelity).substr(0, 4) + ": " +
                           count_of(solved->defects.flips, "flipped triangle") + ", " +
                           count_of(solved->defects.wrong_cones, "wrong cone"));
+  }
+  // The nearest to valid first.
+  std::stable_sort(candidates.begin(), candidates.end(),
+                   [](const Tried& a, const Tried& b) { return a.defects < b.defects; });
+  for (std::size_t k = 0; k < candidates.size() && !valid; ++k) {
+    target = std::move(candidates[k].target);
+    z = std::move(candidates[k].z);
+    Expected<UntangleReport> untangled =
+        untangle(mesh, in.cut, in.index, in.aligned, target, UntangleOptions{}, z, context);
+    if (!untangled) return untangled.error();
+    valid = untangled->defects.valid();
   }
   lap(seconds.map);
   if (!valid) return map_error(out.reasons.back());
@@ -155,7 +170,10 @@ template <class K>
     }
   }
   if (!coarse_quads) return map_error(out.reasons.back());
+  if (integers->quads > 2 * std::max(in.quads, 20.0 * static_cast<double>(singular + 1)))
+    return map_error("the map needs " + std::to_string(static_cast<Index>(integers->quads)) + " quads");
 
+  constexpr double sound = 0.05, fine_enough = 0.3;  // least scaled Jacobians: below the first, another way is better
   const auto polished = [&](QuadMesh quads) {
     const PolishReport report = polish(mesh, options.polish, quads, context);
     lap(seconds.polish);
@@ -195,21 +213,26 @@ template <class K>
     lap(seconds.extraction);
     return quads;
   }();
+  std::optional<std::pair<QuadMesh, PolishReport>> fine;
   if (fine_quads) {
-    auto [quads, report] = polished(*fine_quads);
-    if (report.least_after > 0) {
-      out.quads = std::move(quads);
+    fine = polished(std::move(*fine_quads));
+    if (fine->second.least_after > fine_enough) {
+      out.quads = std::move(fine->first);
       return out;
     }
-    out.reasons.push_back("fine map: a quad stays inverted in space");
   } else if (fine_quads.error().code == ErrorCode::cancelled) {
     return fine_quads.error();
   } else {
     out.reasons.push_back(fine_quads.error().what);
   }
   auto [quads, report] = polished(std::move(*coarse_quads));
+  if (fine && fine->second.least_after > std::max(sound, report.least_after - 0.1)) {
+    out.quads = std::move(fine->first);
+    return out;
+  }
+  if (fine) out.reasons.push_back("fine map: a quad stays flat or inverted in space");
   out.rung = Rung::coarse_map;
-  if (!(report.least_after > 0)) return map_error("coarse map: a quad stays inverted in space");
+  if (!(report.least_after > sound)) return map_error("coarse map: a quad stays flat or inverted in space");
   out.quads = std::move(quads);
   return out;
 }

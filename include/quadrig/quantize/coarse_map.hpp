@@ -67,6 +67,7 @@ class MapDecimator {
     pinned_.assign(at(n), 0);
     on_border_.assign(at(n), 0);
     crease_.assign(at(n), 0);
+    mark_.assign(at(n), 0);
     for (Index h = 0; h < half_edges; ++h) {
       origin_[at(h)] = mesh.origin(h);
       twin_[at(h)] = mesh.twin(h);
@@ -349,12 +350,15 @@ class MapDecimator {
     const std::size_t ring = ring_.size();
     const Index left = border ? (s + 1 < ring ? ring_[s + 1] : no_index) : ring_[(s + 1) % ring];
     const Index right = border ? (s > 0 ? ring_[s - 1] : no_index) : ring_[(s + ring - 1) % ring];
-    for (const Index x : ring_)
-      if (x == v || std::count(ring_.begin(), ring_.end(), x) > 1) return false;
+    ++stamp_;
+    for (const Index x : ring_) {
+      if (x == v || mark_[at(x)] == stamp_) return false;
+      mark_[at(x)] = stamp_;
+    }
     bool ok = true;
     for_each_outgoing(w, [&](Index h) {
       for (const Index x : {target(h), origin_[at(prev(h))]})
-        if (x != v && x != left && x != right && std::find(ring_.begin(), ring_.end(), x) != ring_.end()) ok = false;
+        if (x != v && x != left && x != right && mark_[at(x)] == stamp_) ok = false;
     });
     return ok && ring >= 3;
   }
@@ -539,6 +543,8 @@ class MapDecimator {
   std::vector<char> alive_, pinned_, on_border_, crease_;
   std::array<Moved, 6> moved_{};
   std::vector<Index> fan_, ring_;
+  std::vector<std::uint32_t> mark_;
+  std::uint32_t stamp_ = 0;
   ExpressionPool pool_;
 };
 

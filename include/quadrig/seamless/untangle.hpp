@@ -12,7 +12,8 @@ struct UntangleOptions {
   double theta = 0.1;       ///< share of the area in the energy, in (0, 1)
   int iterations = 60;      ///< Newton steps a neighbourhood
   int rings = 48;           ///< largest neighbourhood, in edges from a defect
-  double give_up = 0.1;     ///< share of the vertices within reach above which nothing is tried
+  /// Triangles times steps that may be spent, beside 5 for every triangle of the mesh.
+  std::int64_t work = 150'000;
 };
 
 struct UntangleReport {
@@ -45,7 +46,8 @@ class Untangler {
     UntangleReport report;
     report.defects = check_map(mesh_, index_, z_);
     const std::vector<Complex> start = z_;
-    for (int rings = 4; rings <= options_.rings && !report.defects.valid(); rings *= 2) {
+    left_ = options_.work + 5 * std::int64_t{mesh_.face_count()};
+    for (int rings = 4; rings <= options_.rings && !report.defects.valid() && left_ > 0; rings *= 2) {
       if (context.cancelled()) return cancelled_error("seamless map");
       z_ = start;
       if (!gather(check_map(mesh_, index_, z_), rings)) break;
@@ -87,8 +89,6 @@ class Untangler {
         });
       first = last;
     }
-    const auto limit = std::max<std::size_t>(4000, static_cast<std::size_t>(options_.give_up * mesh_.vertex_count()));
-    if (front.size() > limit) return false;
     variable_.assign(at(2 * mesh_.vertex_count()), no_index);
     count_ = 0;
     std::vector<char> taken(at(mesh_.face_count()), 0);
@@ -160,7 +160,8 @@ class Untangler {
     Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> solver;
     bool analyzed = false;
     int step = 0, after = 0;
-    for (; step < options_.iterations; ++step) {
+    for (; step < options_.iterations && left_ > 0; ++step) {
+      left_ -= static_cast<std::int64_t>(pieces_.size());
       std::vector<Eigen::Triplet<double>> entries;
       entries.reserve(36 * pieces_.size() + at(count_));
       Eigen::VectorXd gradient = Eigen::VectorXd::Zero(count_);
@@ -280,6 +281,7 @@ class Untangler {
   std::vector<Index> variable_, vertices_;
   std::vector<Piece> pieces_;
   Index count_ = 0;
+  std::int64_t left_ = 0;
 };
 
 }  // namespace detail
