@@ -20,7 +20,11 @@
 
 namespace quadrig::test {
 
+#if defined(CATCH_VERSION_MAJOR) && CATCH_VERSION_MAJOR < 3
+using Catch::Detail::Approx;  // Catch::Approx is a matcher there
+#else
 using Catch::Approx;
+#endif
 
 /// A file or folder of the corpus of real assets: $QUADRIG_CORPUS, or ../shared/corpus beside the source tree. The
 /// corpus is not part of the project; nothing when the asset is absent, and the test is then reported as skipped.

@@ -1,0 +1,290 @@
+#include "map_shapes.hpp"
+#include "test.hpp"
+
+#include <Eigen/LU>
+
+using namespace quadrig;
+using namespace quadrig::test;
+
+namespace {
+
+using Z = std::int64_t;
+
+template <class R>
+R random_coefficient(Random& random, int size);
+template <>
+Z random_coefficient<Z>(Random& random, int size) {
+  return static_cast<Z>(std::floor(random.number(-size, size + 1)));
+}
+template <>
+Gaussian random_coefficient<Gaussian>(Random& random, int size) {
+  return {random_coefficient<Z>(random, size), random_coefficient<Z>(random, size)};
+}
+
+template <class R>
+LinearExpression<R> random_row(Random& random, Index variables, int terms, int size) {
+  LinearExpression<R> row;
+  for (int k = 0; k < terms; ++k) {
+    const R c = random_coefficient<R>(random, size);
+    const auto v = static_cast<Index>(random.number(0, variables));
+    if (!ring_zero(c)) accumulate(row, LinearExpression<R>{{v, c}}, one_of(R{}));
+  }
+  return row;
+}
+
+template <class R>
+using FieldOf = decltype(to_field(R{}));
+template <class R>
+using Dense = Eigen::Matrix<FieldOf<R>, Eigen::Dynamic, Eigen::Dynamic>;
+
+/// Rows over n variables, eliminated; columns of the result express the n variables in those that remain.
+template <class R>
+struct Solved {
+  Dense<R> rows, basis;
+};
+template <class R>
+Solved<R> eliminate(Random& random, Index n, int row_count, int size) {
+  using Kind = typename Elimination<R>::Kind;
+  Elimination<R> elimination(std::vector<Kind>(static_cast<std::size_t>(n), Kind::integer));
+  Solved<R> out;
+  out.rows = Dense<R>::Zero(row_count, n);
+  for (int k = 0; k < row_count; ++k) {
+    const auto row = random_row<R>(random, n, 4, size);
+    for (const auto& [v, c] : row) out.rows(k, v) = to_field(c);
+    REQUIRE(elimination.add(row));
+  }
+  std::vector<LinearExpression<R>> expressions;
+  for (Index v = 0; v < n; ++v) expressions.push_back(elimination.resolved({{v, one_of(R{})}}));
+  std::map<Index, Index> column;
+  for (const auto& e : expressions)
+    for (const auto& term : e) column.try_emplace(term.variable, static_cast<Index>(column.size()));
+  out.basis = Dense<R>::Zero(n, static_cast<Eigen::Index>(column.size()));
+  for (Index v = 0; v < n; ++v)
+    for (const auto& [w, c] : expressions[static_cast<std::size_t>(v)]) {
+      REQUIRE_FALSE(elimination.solved(w));
+      out.basis(v, column[w]) = to_field(c);
+    }
+  return out;
+}
+
+}  // namespace
+
+TEMPLATE_TEST_CASE("elimination: what remains spans the dense kernel", "[seamless]", std::int64_t, Gaussian) {
+  using R = TestType;
+  Random random(3);
+  for (int round = 0; round < 200; ++round) {
+    const auto n = static_cast<Index>(random.number(2, 9));
+    const Solved<R> solved = eliminate<R>(random, n, static_cast<int>(random.number(1, n)), 3);
+    REQUIRE((solved.rows * solved.basis).norm() == 0);  // exact: small integers
+    const Eigen::FullPivLU<Dense<R>> lu(solved.rows);
+    REQUIRE(solved.basis.cols() == n - lu.rank());
+    if (solved.basis.cols() == 0) continue;
+    // Columns may differ much in size: each is compared at its own.
+    const Dense<R> columns = solved.basis.colwise().normalized();
+    REQUIRE(Eigen::FullPivLU<Dense<R>>(columns).rank() == columns.cols());
+  }
+}
+
+TEST_CASE("elimination: every integer solution comes from integers", "[seamless]") {
+  Random random(4);
+  for (int round = 0; round < 60; ++round) {
+    const Solved<Z> solved = eliminate<Z>(random, 4, 2, 4);
+    if (solved.basis.cols() == 0) continue;
+    const Eigen::MatrixXd normal = solved.basis.transpose() * solved.basis;
+    const Eigen::FullPivLU<Eigen::MatrixXd> lu(normal);
+    constexpr int reach = 4;
+    Eigen::VectorXd x(4);
+    for (int code = 0; code < 6561; ++code) {
+      int rest = code;
+      for (int k = 0; k < 4; ++k, rest /= 9) x[k] = rest % 9 - reach;
+      if ((solved.rows * x).norm() != 0) continue;
+      const Eigen::VectorXd y = lu.solve(solved.basis.transpose() * x);
+      REQUIRE((y - y.array().round().matrix()).norm() < 1e-9);
+    }
+  }
+}
+
+TEST_CASE("elimination: contradictions are told, and fractions refused", "[seamless]") {
+  using E = Elimination<Z>;
+  using Kind = E::Kind;
+  const std::vector<Kind> kinds{Kind::integer, Kind::integer, Kind::constant};
+  E one(kinds);
+  REQUIRE(one.add({{0, 2}, {2, -4}}));       // 2x = 4
+  CHECK(one.resolved({{0, 1}})[0].coefficient == 2);
+  CHECK(one.add({{0, 3}, {2, -6}}));         // says nothing new
+  CHECK_FALSE(one.add({{0, 1}, {2, -3}}));   // x = 3
+  E two(kinds);
+  CHECK_FALSE(two.add({{0, 2}, {2, -1}}));   // 2x = 1
+  E three(kinds);
+  REQUIRE(three.add({{0, 6}, {1, 4}, {2, -2}}));  // 3x + 2y = 1 has integer solutions
+  CHECK_FALSE(E(kinds).add({{0, 6}, {1, 4}, {2, -3}}));
+  E four({Kind::free, Kind::integer});
+  REQUIRE(four.add({{0, 1}, {1, 1}}));
+  CHECK(four.solved(0));  // the free one goes first
+  CHECK_FALSE(four.solved(1));
+}
+
+TEST_CASE("gaussian: quotients leave a smaller remainder and gcds divide", "[seamless]") {
+  Random random(5);
+  for (int k = 0; k < 2000; ++k) {
+    const Gaussian a = random_coefficient<Gaussian>(random, 50);
+    Gaussian b = random_coefficient<Gaussian>(random, 20);
+    if (ring_zero(b)) b = {1, 0};
+    const Gaussian r = a - ring_quotient(a, b) * b;
+    REQUIRE(ring_norm(r) < ring_norm(b));
+    const Gaussian g = ring_gcd(a, b);
+    REQUIRE(ring_zero(a - ring_quotient(a, g) * g));
+    REQUIRE(ring_zero(b - ring_quotient(b, g) * g));
+    REQUIRE(rotated(a, 3) == rotated(a, -1));
+    REQUIRE(rotated(rotated(a, 1), 3) == a);
+  }
+}
+
+TEST_CASE("seamless: integer unknowns are 2 S + 4 g - 4 when charts turn", "[seamless]") {
+  const int which = GENERATE(0, 1, 2);
+  const std::uint64_t seed = GENERATE(0, 1, 2);
+  const FieldCase c = field_case(closed_surface(which), seed, 0.15);
+  const auto unknowns = MapUnknowns<Complex>::create(c.mesh, c.cut, c.index(), c.aligned).value();
+  const auto integers = 2 * std::count(unknowns.integer().begin(), unknowns.integer().end(), char{1});
+  const bool turns = std::any_of(c.cut.rotation.begin(), c.cut.rotation.end(), [](auto r) { return r != 0; });
+  const Index genus = which;
+  CHECK(integers == (turns ? 2 * c.singular_count() + 4 * genus - 4 : 4 * genus));
+  // The same count in the ring of integers, coordinate by coordinate.
+  const auto scalar = MapUnknowns<double>::create(c.mesh, c.cut, c.index(), c.aligned).value();
+  CHECK(std::count(scalar.integer().begin(), scalar.integer().end(), char{1}) == integers);
+}
+
+namespace {
+
+/// Any unknowns give a map whose transitions are one quarter-turn and translation a branch.
+template <class K>
+void check_transitions(const FieldCase& c, std::uint64_t seed) {
+  const auto unknowns = MapUnknowns<K>::create(c.mesh, c.cut, c.index(), c.aligned).value();
+  Random random(seed);
+  std::vector<K> x;
+  bool whole = seed % 2 == 0;
+  for (Index k = 0; k < unknowns.count(); ++k) {
+    const auto draw = [&] { return whole ? std::floor(random.number(-9, 10)) : random.number(-9, 9); };
+    if constexpr (std::is_same_v<K, Complex>)
+      x.push_back({draw(), draw()});
+    else
+      x.push_back(draw());
+  }
+  const std::vector<Complex> z = unknowns.corners(x);
+  const auto at = [](Index i) { return static_cast<std::size_t>(i); };
+  std::vector<std::optional<Complex>> translation(at(c.cut.branch_count));
+  for (Index h = 0; h < c.mesh.halfedge_count(); ++h) {
+    const Index g = c.mesh.twin(h);
+    if (g == no_index) continue;
+    const int r = c.cut.rotation[at(h)];
+    REQUIRE(((r + c.cut.rotation[at(g)]) & 3) == 0);
+    const Complex t = z[at(g)] - rotated(z[at(c.mesh.next(h))], r);
+    REQUIRE(std::abs(z[at(c.mesh.next(g))] - rotated(z[at(h)], r) - t) < 1e-9);
+    const Index b = c.cut.branch[at(h)];
+    if (b == no_index) {
+      REQUIRE(r == 0);
+      REQUIRE(std::abs(t) < 1e-9);
+    } else if (c.cut.forward[at(h)]) {
+      if (!translation[at(b)]) translation[at(b)] = t;
+      REQUIRE(std::abs(*translation[at(b)] - t) < 1e-9);
+      if (whole) REQUIRE(std::abs(t - Complex(std::round(t.real()), std::round(t.imag()))) < 1e-9);
+    }
+  }
+  for (Index h = 0; h < c.mesh.halfedge_count(); ++h) {
+    const Complex e = z[at(c.mesh.next(h))] - z[at(h)];
+    if (c.aligned[at(h)] == Aligned::v_constant) REQUIRE(std::abs(e.imag()) < 1e-9);
+    if (c.aligned[at(h)] == Aligned::u_constant) REQUIRE(std::abs(e.real()) < 1e-9);
+  }
+}
+
+}  // namespace
+
+TEST_CASE("seamless: corners satisfy every transition for any unknowns", "[seamless]") {
+  const std::uint64_t seed = GENERATE(0, 1, 2, 3);
+  for (int which = 0; which < 3; ++which) {
+    const FieldCase closed = field_case(closed_surface(which), seed, 0.15);
+    check_transitions<Complex>(closed, seed);
+    check_transitions<double>(closed, seed);
+    const FieldCase open = field_case(open_surface(which), seed, 0.1);
+    check_transitions<double>(open, seed);
+  }
+}
+
+TEST_CASE("seamless: a valid map has cones of 4 - I4 that sum to the surface's", "[seamless]") {
+  const int which = GENERATE(0, 1, 2, 3, 4, 5);
+  const FieldCase c = field_case(which < 3 ? closed_surface(which) : open_surface(which - 3), 0, 0.12);
+  REQUIRE(mappable(c));
+  std::vector<Complex> z;
+  bool valid = false;
+  if (c.pinned) {
+    auto map = seamless_case<double>(c);
+    z = map.z;
+    valid = map.valid;
+  } else {
+    auto map = seamless_case<Complex>(c);
+    z = map.z;
+    valid = map.valid;
+  }
+  REQUIRE(valid);
+  const auto at = [](Index i) { return static_cast<std::size_t>(i); };
+  std::vector<double> cone(at(c.mesh.vertex_count()), 0);
+  for (Index h = 0; h < c.mesh.halfedge_count(); ++h) {
+    const Complex e = z[at(c.mesh.next(h))] - z[at(h)], f = z[at(c.mesh.prev(h))] - z[at(h)];
+    CHECK(cross(e, f) > 0);
+    cone[at(c.mesh.origin(h))] += std::arg(f / e);
+  }
+  Index sum = 0;
+  for (Index v = 0; v < c.mesh.vertex_count(); ++v) {
+    const Index i = c.index()[at(v)];
+    CHECK(cone[at(v)] / (std::numbers::pi / 2) == quadrig::test::Approx((c.mesh.on_boundary(v) ? 2 : 4) - i).margin(1e-6));
+    sum += i;
+  }
+  CHECK(sum == 4 * euler_characteristic(c.mesh));
+}
+
+TEST_CASE("seamless: correcting the lengths brings neighbours nearer and never turns them", "[seamless]") {
+  const FieldCase c = field_case(closed_surface(0), 0, 0.12);
+  Context context;
+  TargetEdges target = target_edges(c.mesh, c.connection, c.cut, c.field.frames.u, c.field.frames.v);
+  CHECK(target_area(target) == quadrig::test::Approx(c.mesh.total_area() / (0.12 * 0.12)));
+  const double before = target_curl(c.mesh, c.cut, target);
+  const TargetEdges original = target;
+  REQUIRE(correct_log_scale(c.mesh, c.cut, c.index(), LogScaleOptions{}, target, context).ok());
+  CHECK(target_curl(c.mesh, c.cut, target) < 0.9 * before);
+  for (std::size_t h = 0; h < target.size(); ++h) {
+    CHECK(target[h].real() * original[h].real() >= 0);
+    CHECK(target[h].imag() * original[h].imag() >= 0);
+  }
+}
+
+TEST_CASE("untangle: flips made by hand are undone and transitions kept", "[seamless]") {
+  const FieldCase c = field_case(closed_surface(1), 1, 0.12);
+  auto map = seamless_case<Complex>(c);
+  REQUIRE(map.valid);
+  const auto at = [](Index i) { return static_cast<std::size_t>(i); };
+  Random random(9);
+  for (int k = 0; k < 12; ++k) {  // regular vertices thrown about
+    const auto v = static_cast<Index>(random.number(0, c.mesh.vertex_count()));
+    if (c.index()[at(v)] != 0) continue;
+    const Complex move = std::polar(2.0, random.number(0, 6.28));
+    Index h = c.mesh.outgoing(v);
+    const Index start = h;
+    do {
+      map.z[at(h)] += rotated(move, c.cut.corner_rotation[at(h)]);
+      h = c.mesh.next_around(h);
+    } while (h != start);
+  }
+  REQUIRE(check_map(c.mesh, c.index(), map.z).flips > 0);
+  const std::vector<Complex> before = map.z;
+  Context context;
+  const UntangleReport report =
+      untangle(c.mesh, c.cut, c.index(), c.aligned, map.target, UntangleOptions{}, map.z, context).value();
+  CHECK(report.defects.valid());
+  CHECK(check_map(c.mesh, c.index(), map.z).valid());
+  for (Index h = 0; h < c.mesh.halfedge_count(); ++h) {
+    const Index g = c.mesh.twin(h);
+    const Complex now = map.z[at(g)] - rotated(map.z[at(c.mesh.next(h))], c.cut.rotation[at(h)]);
+    const Complex then = before[at(g)] - rotated(before[at(c.mesh.next(h))], c.cut.rotation[at(h)]);
+    REQUIRE(std::abs(now - then) < 1e-9);
+  }
+}
