@@ -37,13 +37,14 @@ struct Topology {
 template <class Faces>
 Topology topology(const Faces& faces) {
   const auto corners = static_cast<Index>(faces.cols());
+  bool sound = true;
   std::map<std::array<Index, 2>, std::array<Index, 2>> across;  // directed edge: face, corner
   std::map<Index, Index> used;                                  // corners of each vertex
   for (Index f = 0; f < static_cast<Index>(faces.rows()); ++f)
     for (Index i = 0; i < corners; ++i) {
       const Index a = faces(f, i), b = faces(f, (i + 1) % corners);
-      REQUIRE(a != b);
-      REQUIRE(across.emplace(std::array{a, b}, std::array{f, i}).second);
+      sound = sound && a != b;
+      sound = across.emplace(std::array{a, b}, std::array{f, i}).second && sound;
       ++used[a];
     }
   Topology result;
@@ -53,7 +54,7 @@ Topology topology(const Faces& faces) {
   for (const auto& [edge, place] : across) {
     const bool boundary = !across.contains({edge[1], edge[0]});
     edges += boundary || edge[0] < edge[1];
-    if (boundary) REQUIRE(along.emplace(edge[0], edge[1]).second);
+    if (boundary) sound = along.emplace(edge[0], edge[1]).second && sound;
   }
   for (Index seed = 0; seed < static_cast<Index>(faces.rows()); ++seed) {
     if (component[static_cast<std::size_t>(seed)] != no_index) continue;
@@ -76,14 +77,15 @@ Topology topology(const Faces& faces) {
     if (!across.contains({edge[1], edge[0]}) || !start.contains(edge[0])) start[edge[0]] = place;
   for (const auto& [v, place] : start) {
     Index seen = 0;
-    for (std::array<Index, 2> at = place;;) {
+    for (std::array<Index, 2> at = place; seen <= used[v];) {
       ++seen;
       const auto next = across.find({v, faces(at[0], (at[1] + corners - 1) % corners)});
       if (next == across.end() || next->second == place) break;
       at = next->second;
     }
-    REQUIRE(seen == used[v]);
+    sound = sound && seen == used[v];
   }
+  REQUIRE(sound);
   while (!along.empty()) {
     ++result.loops;
     for (auto it = along.begin(); it != along.end();) {
@@ -120,9 +122,9 @@ void check_valid(const TriangleMesh<double>& mesh, const SplitQuads& result) {
   Index beside = 0;
   for (Index v = 0; v < quads.vertex_count(); ++v) {
     const SurfacePoint& source = quads.source[static_cast<std::size_t>(v)];
-    REQUIRE((source.face >= 0 && source.face < mesh.face_count()));
-    REQUIRE(source.barycentric.minCoeff() >= 0);
-    REQUIRE(std::abs(source.barycentric.sum() - 1) < 1e-9);
+    const bool sound = source.face >= 0 && source.face < mesh.face_count() && source.barycentric.minCoeff() >= 0 &&
+                       std::abs(source.barycentric.sum() - 1) < 1e-9;
+    if (!sound) FAIL("vertex " << v << " has no sound source");
     const double distance = (position(mesh, source) - quads.positions.row(v).transpose()).norm();
     farthest = std::max(farthest, distance);
     beside += distance > 1e-9 * mesh.diagonal();
@@ -223,7 +225,7 @@ TEST_CASE("simplify: fewer quads than the topology allows give the fewest, and s
 }
 
 TEST_CASE("simplify: holes of any number and shape keep their loops when a sheet is torn", "[simplify][fast]") {
-  for (unsigned seed = 0; seed < 12; ++seed) {
+  for (unsigned seed = 0; seed < 6; ++seed) {
     const TriangleMesh<double> mesh = torn_sheet(seed);
     for (const Index count : {20, 400, 1500}) check_valid(mesh, split(mesh, count));
   }
@@ -287,7 +289,7 @@ TEST_CASE("simplify: sampling of 1 : 1000, noise and folds leave no quad inverte
 
 TEST_CASE("simplify: whatever faces are joined at random, what prepare lets through becomes quads",
           "[simplify][fast]") {
-  for (unsigned seed = 0; seed < 200; ++seed) {
+  for (unsigned seed = 0; seed < 100; ++seed) {
     std::mt19937 random(seed);
     PolygonMesh mesh;
     const Index n = 4 + static_cast<Index>(random() % 8);
