@@ -1,70 +1,91 @@
-// Regions of a surface.
+// Values of quads, seam by seam.
 #include "regions.hpp"
-
-#include <numeric>
 
 namespace quadrig::gltf {
 
 Regions::Regions(const Gathered& gathered, const TriangleMesh<double>& mesh, std::span<const Index> source_face)
     : gathered_(gathered), mesh_(mesh), source_face_(source_face) {
-  const Index count = mesh.face_count();
-  std::vector<Index> seam_columns;
   for (const Attribute& a : gathered.attributes)
     if (a.makes_seams())
-      for (Eigen::Index k = 0; k < a.width; ++k) seam_columns.push_back(static_cast<Index>(a.first + k));
-  const auto corner = [&](Index f, Index i) { return gathered.corner_vertex[at(3 * source_face[at(f)] + i)]; };
+      for (Eigen::Index k = 0; k < a.width; ++k) seam_columns_.push_back(a.first + k);
+  const auto corner = [&](Index h) { return gathered.corner_vertex[at(3 * source_face[at(h / 3)] + h % 3)]; };
   const auto primitive_of = [&](Index f) { return gathered.surface.source_primitive[at(source_face[at(f)])]; };
-  const auto alike = [&](Index a, Index b) {
+  const auto same = [&](Index a, Index b) {
     if (a == b) return true;
-    for (const Index k : seam_columns)
+    for (const Eigen::Index k : seam_columns_)
       if (!(std::abs(gathered.values(a, k) - gathered.values(b, k)) <= 1e-5)) return false;
     return true;
   };
-  std::vector<Index> root(at(count));
-  std::iota(root.begin(), root.end(), Index{0});
-  const auto find = [&](Index f) {
-    while (root[at(f)] != f) f = root[at(f)] = root[at(root[at(f)])];
-    return f;
-  };
+  seam_.assign(at(mesh.halfedge_count()), 1);
   for (Index h = 0; h < mesh.halfedge_count(); ++h) {
     const Index across = mesh.twin(h);
-    if (across == no_index || across < h) continue;
-    const Index f = h / 3, g = across / 3;
-    if (primitive_of(f) != primitive_of(g)) continue;
-    if (!alike(corner(f, h % 3), corner(g, TriangleMesh<double>::next(across) % 3)) ||
-        !alike(corner(f, TriangleMesh<double>::next(h) % 3), corner(g, across % 3)))
-      continue;
-    const Index a = find(f), b = find(g);
-    root[at(std::max(a, b))] = std::min(a, b);
+    if (across == no_index || primitive_of(h / 3) != primitive_of(across / 3)) continue;
+    seam_[at(h)] = !(same(corner(h), corner(TriangleMesh<double>::next(across))) &&
+                     same(corner(TriangleMesh<double>::next(h)), corner(across)));
   }
-  std::vector<Index> number(at(count), no_index);
-  for (Index f = 0; f < count; ++f) {
-    Index& own = number[at(find(f))];
-    if (own == no_index) {
-      own = static_cast<Index>(primitive_.size());
-      primitive_.push_back(primitive_of(f));
-      faces_.emplace_back();
-    }
-    of_face_.push_back(own);
-    faces_[at(own)].push_back(f);
-  }
+  mark_.assign(at(mesh.face_count()), 0);
 }
 
-Index Regions::of_quad(const QuadMesh& quads, Index quad) const {
-  // Where all corners agree, that is it; else the surface is followed from a corner to below the centre.
-  std::array<Index, 4> own{};
+bool Regions::alike(const Eigen::VectorXd& a, const Eigen::VectorXd& b) const {
+  for (const Eigen::Index k : seam_columns_)
+    if (!(std::abs(a[k] - b[k]) <= 1e-5)) return false;
+  return true;
+}
+
+SurfaceHit Regions::hit(Index face, const Vector3& p) const {
+  SurfaceHit found =
+      closest_on_triangle(p, mesh_.position(mesh_.faces()(face, 0)), mesh_.position(mesh_.faces()(face, 1)),
+                          mesh_.position(mesh_.faces()(face, 2)));
+  found.face = face;
+  return found;
+}
+
+/// Faces within the radius of the centre that are joined to `face` there, without a seam between.
+void Regions::spread(Index face, const Vector3& centre, double squared_radius) {
+  ++current_;
+  reached_.assign(1, face);
+  mark_[at(face)] = current_;
+  for (std::size_t k = 0; k < reached_.size(); ++k)
+    for (Index h = 3 * reached_[k]; h < 3 * reached_[k] + 3; ++h) {
+      if (seam_[at(h)]) continue;
+      const Index across = mesh_.twin(h) / 3;
+      if (mark_[at(across)] == current_ || hit(across, centre).squared_distance > squared_radius) continue;
+      mark_[at(across)] = current_;
+      reached_.push_back(across);
+    }
+}
+
+Regions::QuadValues Regions::of_quad(const QuadMesh& quads, Index quad) {
   Vector3 centre = Vector3::Zero();
+  std::array<Vector3, 4> p;
   for (int i = 0; i < 4; ++i) {
-    own[static_cast<std::size_t>(i)] = of_face(quads.source[at(quads.quads(quad, i))].face);
-    centre += quads.positions.row(quads.quads(quad, i)).transpose() / 4;
+    p[static_cast<std::size_t>(i)] = quads.positions.row(quads.quads(quad, i)).transpose();
+    centre += p[static_cast<std::size_t>(i)] / 4;
   }
-  if (own[0] == own[1] && own[1] == own[2] && own[2] == own[3]) return own[0];
-  SurfaceHit best;
-  for (int i = 0; i < 4; ++i) {
-    const SurfaceHit hit = walk_closest(mesh_, centre, quads.source[at(quads.quads(quad, i))]);
-    if (hit.squared_distance < best.squared_distance) best = hit;
+  SurfaceHit below;
+  double radius = 0;
+  for (std::size_t i = 0; i < 4; ++i) {
+    const SurfaceHit found =
+        walk_closest(mesh_, centre, quads.source[at(quads.quads(quad, static_cast<Eigen::Index>(i)))]);
+    if (found.squared_distance < below.squared_distance) below = found;
+    radius = std::max(radius, (p[i] - centre).squaredNorm());
   }
-  return best.found() ? of_face(best.face) : own[0];
+  const Index face = below.found() ? below.face : quads.source[at(quads.quads(quad, 0))].face;
+  spread(face, centre, 1.1 * radius);
+  QuadValues result;
+  result.primitive = gathered_.surface.source_primitive[at(source_face_[at(face)])];
+  for (std::size_t i = 0; i < 4; ++i) {
+    const SurfacePoint& own = quads.source[at(quads.quads(quad, static_cast<Eigen::Index>(i)))];
+    if (mark_[at(own.face)] == current_) {
+      result.corners[i] = values_at(own);
+      continue;
+    }
+    SurfaceHit nearest;
+    for (const Index f : reached_)
+      if (const SurfaceHit found = hit(f, p[i]); found.squared_distance < nearest.squared_distance) nearest = found;
+    result.corners[i] = values_at(nearest.found() ? nearest : own);
+  }
+  return result;
 }
 
 Eigen::VectorXd Regions::values_at(const SurfacePoint& point) const {
@@ -73,22 +94,6 @@ Eigen::VectorXd Regions::values_at(const SurfacePoint& point) const {
     values += point.barycentric[i] *
               gathered_.values.row(gathered_.corner_vertex[at(3 * source_face_[at(point.face)] + i)]).transpose();
   return values;
-}
-
-Eigen::VectorXd Regions::values(const QuadMesh& quads, Index vertex, Index region) {
-  const SurfacePoint& source = quads.source[at(vertex)];
-  if (of_face(source.face) == region) return values_at(source);
-  auto found = trees_.find(region);
-  if (found == trees_.end()) {
-    const std::vector<Index>& own = faces_[at(region)];
-    Triangles faces(static_cast<Eigen::Index>(own.size()), 3);
-    for (std::size_t k = 0; k < own.size(); ++k) faces.row(static_cast<Eigen::Index>(k)) = mesh_.faces().row(own[k]);
-    found = trees_.emplace(region, ClosestPoint(mesh_.positions(), faces)).first;
-  }
-  SurfaceHit hit = found->second.closest(quads.positions.row(vertex).transpose());
-  if (!hit.found()) return values_at(source);
-  hit.face = faces_[at(region)][at(hit.face)];
-  return values_at(hit);
 }
 
 }  // namespace quadrig::gltf

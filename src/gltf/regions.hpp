@@ -1,37 +1,41 @@
-// Regions of one primitive within which what the surface carries is continuous, and values on quads of one region.
+// What the surface carries, on the corners of quads: continuous within a quad, never averaged across a seam.
 #pragma once
-
-#include <map>
-#include <span>
 
 #include "gather.hpp"
 #include "quadrig/closest.hpp"
 
 namespace quadrig::gltf {
 
-/// Faces of a surface in regions: joined over edges across which the primitive stays the same and no texture
-/// coordinate or colour jumps.
+/// Edges at which the primitive changes, or a texture coordinate or colour jumps, are seams. A quad takes its values
+/// from the faces around its centre that are reached without crossing one.
 class Regions {
  public:
   /// `source_face`: m, the face of the gathered surface that each face of `mesh` is; both turn and count corners alike.
   Regions(const Gathered& gathered, const TriangleMesh<double>& mesh, std::span<const Index> source_face);
 
-  [[nodiscard]] Index of_face(Index face) const { return of_face_[at(face)]; }
-  [[nodiscard]] Index primitive(Index region) const { return primitive_[at(region)]; }
-  /// The region that a quad lies in: that of the surface closest to its centre.
-  [[nodiscard]] Index of_quad(const QuadMesh& quads, Index quad) const;
-  /// The values that a vertex of the quads has within a region: at its place, or at the region's point closest to it.
-  [[nodiscard]] Eigen::VectorXd values(const QuadMesh& quads, Index vertex, Index region);
+  struct QuadValues {
+    Index primitive = no_index;
+    std::array<Eigen::VectorXd, 4> corners;  ///< all columns of Gathered::attributes
+  };
+  /// The primitive that a quad belongs to, that of the surface below its centre, and the values of its corners there:
+  /// at their own place or, beyond a seam, at the nearest point on this side. \cost O(faces below the quad)
+  [[nodiscard]] QuadValues of_quad(const QuadMesh& quads, Index quad);
+  /// Whether two rows are the same in all columns that make seams.
+  [[nodiscard]] bool alike(const Eigen::VectorXd& a, const Eigen::VectorXd& b) const;
 
  private:
   [[nodiscard]] Eigen::VectorXd values_at(const SurfacePoint& point) const;
+  [[nodiscard]] SurfaceHit hit(Index face, const Vector3& p) const;
+  void spread(Index face, const Vector3& centre, double squared_radius);
 
   const Gathered& gathered_;
   const TriangleMesh<double>& mesh_;
   std::span<const Index> source_face_;
-  std::vector<Index> of_face_, primitive_;
-  std::vector<std::vector<Index>> faces_;
-  std::map<Index, ClosestPoint> trees_;  // made when a region is first asked for a point outside it
+  std::vector<Eigen::Index> seam_columns_;
+  std::vector<char> seam_;           // a half-edge
+  std::vector<Index> reached_;       // faces of the quad at hand
+  std::vector<std::uint32_t> mark_;  // a face: the last quad that reached it
+  std::uint32_t current_ = 0;
 };
 
 }  // namespace quadrig::gltf

@@ -1,5 +1,6 @@
 // Skinned surfaces into quads, and back into their file.
 #include <algorithm>
+#include <map>
 
 #include "primitives.hpp"
 #include "quadrig/gltf.hpp"
@@ -142,17 +143,24 @@ void add_quads(Job& job, const GltfRemeshed& done, Index influences) {
   const QuadMesh& quads = done.result.mesh;
   Regions regions(job.gathered, done.remeshed, job.source_face);
   const Points<double> normals = smooth_normals(quads);
+  // Values that a vertex has in a primitive: more than one where a seam runs through it.
+  std::map<std::pair<Index, Index>, std::vector<Eigen::VectorXd>> variants;
   for (Index q = 0; q < quads.quad_count(); ++q) {
-    const Index region = regions.of_quad(quads, q);
-    PrimitiveBuilder& builder = job.builders[at(regions.primitive(region))];
+    const Regions::QuadValues values = regions.of_quad(quads, q);
+    PrimitiveBuilder& builder = job.builders[at(values.primitive)];
     std::array<Index, 4> corner{};
     const int first = first_corner(quads, q);
     for (int i = 0; i < 4; ++i) {
-      const Index v = quads.quads(q, (first + i) % 4);
-      const std::uint64_t key = static_cast<std::uint64_t>(region) << 32 | static_cast<std::uint32_t>(v);
+      const int from = (first + i) % 4;
+      const Index v = quads.quads(q, from);
+      const Eigen::VectorXd& own = values.corners[static_cast<std::size_t>(from)];
+      std::vector<Eigen::VectorXd>& known = variants[{values.primitive, v}];
+      std::size_t variant = 0;
+      while (variant < known.size() && !regions.alike(known[variant], own)) ++variant;
+      if (variant == known.size()) known.push_back(own);
+      const std::uint64_t key = static_cast<std::uint64_t>(variant) << 32 | static_cast<std::uint32_t>(v);
       corner[static_cast<std::size_t>(i)] = builder.vertex(key, [&] {
-        return PrimitiveBuilder::Vertex{quads.positions.row(v).transpose(), normals.row(v).transpose(),
-                                        regions.values(quads, v, region),
+        return PrimitiveBuilder::Vertex{quads.positions.row(v).transpose(), normals.row(v).transpose(), own,
                                         strongest(*done.result.weights, v, influences)};
       });
     }
@@ -178,7 +186,7 @@ void add_passed(Job& job, const Shells& shells, GltfRemeshed& done, Index influe
     std::array<Index, 3> corner{};
     for (int i = 0; i < 3; ++i) {
       const Index v = mesh.faces()(f, i), source = gathered.corner_vertex[at(3 * f + i)];
-      // Keys of the quads have small regions; these begin at 2^63.
+      // Keys of the quads are small; these begin at 2^63.
       const std::uint64_t key =
           std::uint64_t{1} << 63 | static_cast<std::uint64_t>(v) << 31 | static_cast<std::uint64_t>(source);
       corner[static_cast<std::size_t>(i)] = job.builders[at(number)].vertex(key, [&] {
