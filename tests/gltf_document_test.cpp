@@ -140,6 +140,7 @@ TEST_CASE("gltf: a fault is an error that names its place", "[gltf]") {
   const std::string json = tube_file({.as_json = true});
   CHECK(says(message(tube_file({.cycle = true})), "cycle"));
   CHECK(says(message(tube_file().substr(0, 200)), "cut short"));
+  CHECK(says(message(tube_file().replace(8, 4, std::string("\x0c\0\0\0", 4))), "cut short"));
   CHECK(says(message(json.substr(0, 200)), "not JSON"));
   CHECK(says(message(with(json, "\"count\":", "\"count\":9")), "accessors[0]"));
   CHECK(says(message(with(json, "\"byteOffset\":0", "\"byteOffset\":99999999")), "bufferViews[0]"));

@@ -57,7 +57,7 @@ Status read_chunks(State& state, std::string_view bytes, Context& context) {
   if (word(bytes, 4) != 2)
     return state.unsupported("header", "is version " + std::to_string(word(bytes, 4)) + " of GLB", "convert it to 2.0");
   const std::size_t length = word(bytes, 8);
-  if (length > bytes.size()) return cut;
+  if (length > bytes.size() || length < 20) return cut;
   if (length < bytes.size())
     context.warn("gltf", state.name.string() + ": " + std::to_string(bytes.size() - length) +
                              " bytes behind the announced length are left out");
