@@ -296,7 +296,7 @@ TEST_CASE("posed metric: graded sizes change slowly, are never larger, and are l
   std::vector<double> sizes(static_cast<std::size_t>(mesh.face_count()));
   for (double& s : sizes) s = 0.02 + static_cast<double>(engine() % 1000) / 500;
   const std::vector<double> graded = graded_sizes(mesh, sizes, 0.3);
-  const auto centre = [&](Index f) {
+  const auto centre = [&](Index f) -> Vector3 {
     return (mesh.position(mesh.faces()(f, 0)) + mesh.position(mesh.faces()(f, 1)) + mesh.position(mesh.faces()(f, 2))) /
            3;
   };
