@@ -172,19 +172,28 @@ class FieldSurgery {
       return false;
     });
     std::vector<Index> around;
+    std::vector<double> far;
     for (const auto& [low, high] : {std::pair{1.0, 1.05}, {1.0, 1.15}, {1.0, 1.5}, {0.75, 1.5}, {0.5, 2.0}, {0.5, 3.0}}) {
       around.clear();
+      far.clear();
       for (const auto& [d, w] : reached)
-        if (d >= low * spread && d <= high * spread) around.push_back(w);
+        if (d >= low * spread && d <= high * spread) {
+          around.push_back(w);
+          far.push_back(d);
+        }
       if (around.size() >= 12) break;
     }
     std::vector<Index> chosen;
     std::vector<double> nearest(around.size(), std::numeric_limits<double>::infinity());
     if (units < index(v))
       for (std::size_t k = 0; k < around.size(); ++k) nearest[k] = (mesh_.position(around[k]) - mesh_.position(v)).norm();
+    double nearest_far = std::numeric_limits<double>::infinity(), farthest = 0;
     while (static_cast<Index>(chosen.size()) < units && !around.empty()) {
       const auto best = static_cast<std::size_t>(std::max_element(nearest.begin(), nearest.end()) - nearest.begin());
-      if (nearest[best] < 0.4 * spread) return 0;
+      nearest_far = std::min(nearest_far, far[best]);
+      farthest = std::max(farthest, far[best]);
+      // Apart all around, not one behind the other along something thin.
+      if (nearest[best] < std::max(0.4 * spread, farthest - nearest_far)) return 0;
       chosen.push_back(around[best]);
       for (std::size_t k = 0; k < around.size(); ++k)
         nearest[k] = std::min(nearest[k], (mesh_.position(around[k]) - mesh_.position(around[best])).norm());

@@ -61,7 +61,8 @@ struct PoissonReport {
 };
 
 /// Minimizes Σ_f w_f ∫ |Dz G⁻¹ − I|² over the target triangles, so that the error is relative to the wanted quad;
-/// raises w where triangles flip or distort far more than their neighbours. On return x holds the last solution.
+/// raises w where triangles flip or distort far more than their neighbours. On return x holds the solution with the
+/// fewest defects.
 /// `x` on entry gives the values of the fixed unknowns.
 /// \cost one analysis, one factorization an iteration.
 template <class K>
@@ -103,6 +104,9 @@ template <class K>
                             }
                         }};
   PoissonReport report;
+  PoissonReport best;
+  std::vector<K> best_x;
+  std::vector<Complex> best_z;
   Index fewest = std::numeric_limits<Index>::max();
   int waited = 0;
   for (;;) {
@@ -143,10 +147,19 @@ template <class K>
     report.distortion = total > 0 ? distortion / total : 0;
     const Index defects = report.defects.flips + report.defects.wrong_cones;
     waited = defects < fewest ? 0 : waited + 1;
-    fewest = std::min(fewest, defects);
+    if (defects < fewest) {
+      fewest = defects;
+      best_x = x;
+      best_z = z;
+      best = {report.iterations, report.defects, report.distortion};
+    }
     if (report.defects.valid() || report.iterations > options.max_iterations || waited >= options.patience ||
-        form.free_count() == 0)
-      return report;
+        form.free_count() == 0) {
+      best.iterations = report.iterations;
+      x = std::move(best_x);
+      z = std::move(best_z);
+      return best;
+    }
     for (Index f = 0; f < m; ++f) {
       double sum = 0;
       int count = 0;
