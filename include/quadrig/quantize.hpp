@@ -8,7 +8,7 @@ namespace quadrig {
 struct QuantizeOptions {
   double target_quads = 2000;
   double tolerance = 0.05;  ///< of the count
-  int rounds = 6;           ///< rescalings towards the count; the closest is kept
+  int rounds = 9;           ///< rescalings towards the count; the closest is kept
 };
 
 /// Integer edge vectors on a coarse map: opposite-consistent, closed over every triangle, positively oriented.
@@ -73,7 +73,7 @@ class Quantizer {
       for (const Index f : bad) {
         if (area(f) > 0) continue;
         for (Index h = 3 * f; h < 3 * f + 3 && area(f) <= 0; ++h)
-          for (int a = 0; a < 4 && area(f) <= 0; ++a) improved = try_strip(h, a, true) || improved;
+          for (int a = 0; a < 4 && area(f) <= 0; ++a) improved = try_strip(h, a, Aim::repair) || improved;
       }
       if (!improved) return false;
     }
@@ -88,10 +88,33 @@ class Quantizer {
       for (Index h = 0; h < map_.halfedge_count(); ++h) {
         if (context.cancelled()) return moves;
         for (int a = 0; a < 4; ++a)
-          while (change(h, a) < -1e-12 && try_strip(h, a, false)) ++accepted;
+          while (change(h, a) < -1e-12 && try_strip(h, a, Aim::energy)) ++accepted;
       }
       moves += accepted;
       if (accepted == 0) break;
+    }
+    return moves;
+  }
+
+  /// Adds or takes the rows that bring the count nearer to the target for the least energy a quad, until it is within
+  /// the tolerance or none does. \pre valid
+  int steer(double target, double tolerance, const Context& context) {
+    int moves = 0;
+    for (; moves < 24 && std::abs(quads() / target - 1) > tolerance; ++moves) {
+      missing_ = target - quads();
+      best_price_ = std::numeric_limits<double>::infinity();
+      best_changes_.clear();
+      for (Index h = 0; h < map_.halfedge_count(); ++h) {
+        if (context.cancelled()) return moves;
+        if (map_.twin[at(h)] != no_index && map_.twin[at(h)] < h) continue;
+        for (int a = 0; a < 4; ++a) {
+          const Gaussian w = omega_[at(h)], d = axis(a);
+          const std::int64_t longer = w.re * d.re + w.im * d.im;
+          if (longer != 0 && (longer > 0) == (missing_ > 0)) try_strip(h, a, Aim::count);
+        }
+      }
+      if (best_changes_.empty()) break;
+      for (const auto& [h, delta] : best_changes_) set(h, omega_[at(h)] + delta);
     }
     return moves;
   }
@@ -116,6 +139,8 @@ class Quantizer {
 
  private:
   static constexpr double broken = 1e6;  // dwarfs any energy
+  /// What a strip is tried for. For the count it is only remembered where it is the best so far.
+  enum class Aim : std::uint8_t { repair, energy, count };
 
   [[nodiscard]] static Gaussian axis(int a) { return rotated(Gaussian{1, 0}, a); }
   [[nodiscard]] static Index next(Index h) { return h % 3 == 2 ? h - 2 : h + 1; }
@@ -193,11 +218,13 @@ class Quantizer {
   }
 
   /// Cheapest closed (or border to border) strip through +i^a on h; kept when it makes things better.
-  bool try_strip(Index h, int a, bool repairing) {
+  bool try_strip(Index h, int a, Aim aim) {
     if (forbidden(h, a)) return false;
     const Index goal = 4 * h + a;
     const double start_change = change(h, a);
-    const double budget = repairing ? std::numeric_limits<double>::infinity() : std::min(broken / 2, -3 * start_change);
+    const double budget = aim == Aim::repair   ? std::numeric_limits<double>::infinity()
+                          : aim == Aim::energy ? std::min(broken / 2, -3 * start_change)
+                                               : broken / 2;
     begin_search();
     // Forward from the face of h; on the border the strip is completed on the other side afterwards.
     const auto expand = [&](Index entry, int b, double so_far, Index node) {
@@ -219,16 +246,16 @@ class Quantizer {
       if (open_end(node)) continue;
       expand(node / 4, node % 4, distance_[at(node)], node);
     }
-    if (end == no_index && !border_start && has_border()) return try_open_strip(h, a, repairing, budget);
+    if (end == no_index && !border_start && has_border()) return try_open_strip(h, a, aim, budget);
     if (end == no_index) return false;
     changes_.clear();
     if (border_start) changes_.push_back({h, axis(a)});
     gather_path(end);
-    return apply_if_better(repairing);
+    return apply_if_better(aim);
   }
 
   /// A strip through h whose two ends lie on the border: forward from h, then forward from its twin.
-  bool try_open_strip(Index h, int a, bool repairing, double budget) {
+  bool try_open_strip(Index h, int a, Aim aim, double budget) {
     changes_.clear();
     changes_.push_back({h, axis(a)});
     const Index g = map_.twin[at(h)];
@@ -256,7 +283,7 @@ class Quantizer {
       spent = distance_[at(end)];
       gather_path(end);
     }
-    return apply_if_better(repairing);
+    return apply_if_better(aim);
   }
 
   [[nodiscard]] bool has_border() {
@@ -302,7 +329,7 @@ class Quantizer {
     for (const auto& [h, delta] : changes_) set(h, omega_[at(h)] + delta);
   }
 
-  bool apply_if_better(bool repairing) {
+  bool apply_if_better(Aim aim) {
     // Several passes through one edge add up, so the true effect is known only after all are applied.
     touched_.clear();
     for (const auto& [h, delta] : changes_) {
@@ -320,18 +347,35 @@ class Quantizer {
         for (Index h = 3 * f; h < 3 * f + 3; ++h) total += cost(h, omega_[at(h)]);
       return total;
     };
+    const auto area_of_touched = [&] {
+      std::int64_t total = 0;
+      for (const Index f : touched_) total += area(f);
+      return static_cast<double>(total) / 2;
+    };
     const auto bad_before = bad();
-    const double before = energy_of_touched();
+    const double before = energy_of_touched(), area_before = area_of_touched();
     saved_.clear();
     for (const Index f : touched_)
       for (Index h = 3 * f; h < 3 * f + 3; ++h) saved_.push_back(omega_[at(h)]);
     for (const auto& [h, delta] : changes_) set(h, omega_[at(h)] + delta);
     const auto bad_after = bad();
-    bool good = repairing ? bad_after < bad_before : bad_after == 0 && energy_of_touched() < before - 1e-9;
-    if (good && !repairing)
+    double price = 0;
+    bool good = bad_after < bad_before;
+    if (aim == Aim::energy) good = bad_after == 0 && energy_of_touched() < before - 1e-9;
+    if (aim == Aim::count) {
+      const double gained = std::abs(missing_) - std::abs(missing_ - (area_of_touched() - area_before));
+      price = (energy_of_touched() - before) / gained;
+      good = bad_after == 0 && gained > 0.5 && price < best_price_;
+    }
+    if (good && aim != Aim::repair)
       for (const Index f : touched_)
         for (Index h = 3 * f; h < 3 * f + 3 && good; ++h) good = cone_right(h);
-    if (good) return true;
+    if (good && aim == Aim::count) {
+      best_price_ = price;
+      best_changes_ = changes_;
+    } else if (good) {
+      return true;
+    }
     std::size_t k = 0;
     for (const Index f : touched_)
       for (Index h = 3 * f; h < 3 * f + 3; ++h) omega_[at(h)] = saved_[k++];
@@ -349,7 +393,8 @@ class Quantizer {
   std::vector<std::uint32_t> stamp_;
   std::uint32_t search_ = 0;
   int border_known_ = 0;
-  std::vector<std::pair<Index, Gaussian>> changes_;
+  std::vector<std::pair<Index, Gaussian>> changes_, best_changes_;
+  double missing_ = 0, best_price_ = 0;
   using Entry = std::pair<double, Index>;
   std::priority_queue<Entry, std::vector<Entry>, std::greater<>> queue_;
 };
@@ -360,14 +405,17 @@ class Quantizer {
 /// \fails stage_failed where no start is valid at any size tried.
 /// \cost a Dijkstra search a row moved, on the coarse map only.
 [[nodiscard]] inline Expected<Quantization> quantize(const CoarseMap& map, const std::vector<Index>& index,
-                                                     const std::vector<char>& on_border,
-                                                     const QuantizeOptions& options, Context& context) {
+                                                     const std::vector<char>& on_border, const QuantizeOptions& options,
+                                                     Context& context) {
   double map_area = 0;
   for (Index f = 0; f < map.face_count(); ++f)
     map_area += cross(map.vector[detail::at(3 * f)], map.vector[detail::at(3 * f + 1)]) / 2;
   double scale = std::sqrt(options.target_quads / map_area);
   std::optional<Quantization> best;
-  for (int round = 0; round < options.rounds; ++round) {
+  std::optional<detail::Quantizer> kept;
+  double below = 0, above = 0;  // scales that gave too few and too many
+  int waited = 0;
+  for (int round = 0; round < options.rounds && waited < 4; ++round) {
     detail::Quantizer quantizer(map, index, on_border, scale);
     double sigma = 1;
     bool valid = false;
@@ -378,20 +426,33 @@ class Quantizer {
     }
     if (!valid) {
       if (best) break;
-      return Error{ErrorCode::stage_failed, "no valid integers found at any size", "quantization", "ask for more quads"};
+      return Error{ErrorCode::stage_failed, "no valid integers found at any size", "quantization",
+                   "ask for more quads"};
     }
     Quantization result;
     result.moves = quantizer.descend(context);
-    result.edge = quantizer.edges();
     result.quads = quantizer.quads();
-    result.energy = quantizer.energy();
     result.start_scale = sigma;
-    const double miss = std::abs(result.quads / options.target_quads - 1);
-    const double quads = result.quads;
-    if (!best || miss < std::abs(best->quads / options.target_quads - 1)) best = std::move(result);
+    const double quads = result.quads, miss = std::abs(quads / options.target_quads - 1);
+    ++waited;
+    if (!best || miss < std::abs(best->quads / options.target_quads - 1)) {
+      best = std::move(result);
+      kept.emplace(std::move(quantizer));
+      waited = 0;
+    }
     if (miss < options.tolerance / 4) break;
+    // Towards the count; halfway between two sizes that miss it on either side where that leads past one of them.
+    (quads < options.target_quads ? below : above) = scale;
+    const double low = std::min(below, above), high = std::max(below, above);
+    if (low > 0 && high < 1.001 * low) break;
     scale *= std::sqrt(options.target_quads / quads);
+    if (low > 0 && !(scale > 1.001 * low && 1.001 * scale < high)) scale = std::sqrt(low * high);
   }
+  if (std::abs(best->quads / options.target_quads - 1) > options.tolerance / 2)
+    best->moves += kept->steer(options.target_quads, options.tolerance / 2, context);
+  best->edge = kept->edges();
+  best->quads = kept->quads();
+  best->energy = kept->energy();
   return *best;
 }
 

@@ -12,6 +12,72 @@
 
 namespace quadrig {
 
+/// How much the size of quads has to vary for the cones of a field: the Dirichlet energy of the conformal factor that
+/// flattens the surface to them. Factorizes one Laplacian at its first use.
+class ScaleEnergy {
+ public:
+  explicit ScaleEnergy(const TriangleMesh<double>& mesh) : mesh_(mesh) {}
+
+  /// \param index4 of every vertex. Infinity where the solve fails.
+  [[nodiscard]] double operator()(const std::vector<Index>& index4) {
+    if (!ready_ && !prepare()) return std::numeric_limits<double>::infinity();
+    std::vector<double> load = curvature_;
+    double sum = 0;
+    Index used = 0;
+    for (std::size_t v = 0; v < load.size(); ++v) {
+      if (mesh_.outgoing(static_cast<Index>(v)) == no_index) continue;
+      load[v] -= index4[v] * std::numbers::pi / 2;
+      sum += load[v];
+      ++used;
+    }
+    for (double& l : load) l -= sum / used;  // rounding, and borders whose field is not aligned
+    std::vector<double> free_load(static_cast<std::size_t>(form_->free_count())), factor(free_load.size());
+    for (std::size_t v = 1, k = 0; v < load.size(); ++v) free_load[k++] = load[v];
+    if (SolveInfo info = solver_->solve(free_load, factor, context_); !info.status.ok())
+      return std::numeric_limits<double>::infinity();
+    double energy = 0;
+    for (std::size_t k = 0; k < factor.size(); ++k) energy += free_load[k] * factor[k];
+    return energy;
+  }
+
+ private:
+  bool prepare() {
+    ready_ = true;
+    const auto n = static_cast<std::size_t>(mesh_.vertex_count());
+    curvature_.assign(n, 0.0);
+    form_.emplace(mesh_.vertex_count());
+    form_->fix(0, 0.0);
+    for (Index v = 0; v < mesh_.vertex_count(); ++v)
+      if (mesh_.outgoing(v) != no_index)
+        curvature_[static_cast<std::size_t>(v)] = (mesh_.on_boundary(v) ? 1 : 2) * std::numbers::pi;
+    for (Index h = 0; h < mesh_.halfedge_count(); ++h)
+      curvature_[static_cast<std::size_t>(mesh_.origin(h))] -= mesh_.corner_angle(h);
+    const RowTerm laplacian{"laplacian", [&](EmitRow<double> emit) {
+                              for (Index h = 0; h < mesh_.halfedge_count(); ++h) {
+                                const double opposite = mesh_.corner_angle(mesh_.prev(h));
+                                const std::array<Index, 2> where{mesh_.origin(h), mesh_.target(h)};
+                                const std::array<double, 2> factor{1, -1};
+                                emit({where, factor, 0, std::clamp(0.5 / std::tan(opposite), 1e-3, 1e3)});
+                              }
+                            }};
+    Expected<AnySolver<double>> solver = make_solver<double>();
+    if (!solver || !form_->assemble(laplacian).ok()) return failed();
+    solver_.emplace(std::move(*solver));
+    return solver_->prepare(form_->matrix(), form_->pattern_version(), context_).ok() || failed();
+  }
+  bool failed() {
+    ready_ = false;
+    return false;
+  }
+
+  const TriangleMesh<double>& mesh_;
+  std::vector<double> curvature_;
+  std::optional<QuadraticForm<double>> form_;
+  std::optional<AnySolver<double>> solver_;
+  Context context_;
+  bool ready_ = false;
+};
+
 /// Changes a field's singularities where the map cannot take them. Paths of half-edges are gathered, then `apply`
 /// turns the frames; the matching is updated and never rounded again.
 class FieldSurgery {
@@ -37,13 +103,16 @@ class FieldSurgery {
   /// gives a unit to a wide corner near, or inside. Returns how many units went.
   Index split_extremes(double spread) {
     Index split = 0;
+    ScaleEnergy energy(mesh_);
+    spread_poles(spread, 4 * spread, energy);
     for (Index v = 0; v < mesh_.vertex_count(); ++v) {
       if (mesh_.outgoing(v) == no_index) continue;
       if (mesh_.on_boundary(v)) {
         while (index(v) > 1 && relieve(v, spread)) ++split;
+        while (index(v) < -2 && supply(v, spread)) ++split;
         continue;
       }
-      if (index(v) > 1) split += scatter(v, spread);
+      if (index(v) > 1) split += scatter(v, spread, energy);
       for (int guard = 0; guard < 8 && index(v) > 1; ++guard, ++split) {
         const Index h = best_step(v, [&](Index w) { return index(w); });
         if (h == no_index) break;
@@ -162,9 +231,11 @@ class FieldSurgery {
   }
 
  private:
-  /// Moves the units of an inner vertex to places all around it: all of three or more, one of two.
-  Index scatter(Index v, double spread) {
-    const Index units = index(v) > 2 ? index(v) : index(v) - 1;
+  /// Places evenly around an inner vertex for its units, about `spread` away: all of three or more, one of two. None
+  /// where there is no room for them.
+  std::vector<Index> places(Index v, Index units, double spread) {
+    const bool all = units > 2;
+    if (!all) --units;
     // The narrowest ring with enough places, so that they lie evenly: else the charts around it are skewed.
     std::vector<std::pair<double, Index>> reached;
     search({v}, 3 * spread, [&](Index w, double d) {
@@ -173,7 +244,8 @@ class FieldSurgery {
     });
     std::vector<Index> around;
     std::vector<double> far;
-    for (const auto& [low, high] : {std::pair{1.0, 1.05}, {1.0, 1.15}, {1.0, 1.5}, {0.75, 1.5}, {0.5, 2.0}, {0.5, 3.0}}) {
+    for (const auto& [low, high] :
+         {std::pair{1.0, 1.05}, {1.0, 1.15}, {1.0, 1.5}, {0.75, 1.5}, {0.5, 2.0}, {0.5, 3.0}}) {
       around.clear();
       far.clear();
       for (const auto& [d, w] : reached)
@@ -185,22 +257,79 @@ class FieldSurgery {
     }
     std::vector<Index> chosen;
     std::vector<double> nearest(around.size(), std::numeric_limits<double>::infinity());
-    if (units < index(v))
-      for (std::size_t k = 0; k < around.size(); ++k) nearest[k] = (mesh_.position(around[k]) - mesh_.position(v)).norm();
+    if (!all)
+      for (std::size_t k = 0; k < around.size(); ++k)
+        nearest[k] = (mesh_.position(around[k]) - mesh_.position(v)).norm();
     double nearest_far = std::numeric_limits<double>::infinity(), farthest = 0;
     while (static_cast<Index>(chosen.size()) < units && !around.empty()) {
       const auto best = static_cast<std::size_t>(std::max_element(nearest.begin(), nearest.end()) - nearest.begin());
       nearest_far = std::min(nearest_far, far[best]);
       farthest = std::max(farthest, far[best]);
       // Apart all around, not one behind the other along something thin.
-      if (nearest[best] < std::max(0.4 * spread, farthest - nearest_far)) return 0;
+      if (nearest[best] < std::max(0.4 * spread, farthest - nearest_far)) return {};
       chosen.push_back(around[best]);
       for (std::size_t k = 0; k < around.size(); ++k)
         nearest[k] = std::min(nearest[k], (mesh_.position(around[k]) - mesh_.position(around[best])).norm());
     }
-    if (static_cast<Index>(chosen.size()) < units) return 0;
+    if (static_cast<Index>(chosen.size()) < units) return {};
+    return chosen;
+  }
+  /// Places around an inner vertex for `units`, `spread` away or farther: where the size of the quads varies the least.
+  /// \param base indices of all vertices without those units; \param least on return the energy with them
+  std::vector<Index> roomiest(Index v, Index units, double spread, std::vector<Index> base, ScaleEnergy& energy,
+                              double& least) {
+    std::vector<Index> best;
+    least = std::numeric_limits<double>::infinity();
+    const double reach = std::sqrt(mesh_.total_area());
+    for (double wider = spread; wider < reach; wider *= 1.5) {
+      std::vector<Index> tried = places(v, units, wider);
+      if (tried.empty()) break;
+      const auto moved = static_cast<Index>(tried.size());
+      base[at(v)] += units - moved;
+      for (const Index w : tried) ++base[at(w)];
+      const double here = energy(base);
+      for (const Index w : tried) --base[at(w)];
+      base[at(v)] -= units - moved;
+      if (!best.empty() && !(here < least)) break;
+      least = here;
+      best = std::move(tried);
+    }
+    return best;
+  }
+  /// Moves the units of an inner vertex to places around it.
+  Index scatter(Index v, double spread, ScaleEnergy& energy) {
+    double least = 0;
+    std::vector<Index> base = singularities_.index4;
+    base[at(v)] = 0;
+    const std::vector<Index> chosen = roomiest(v, index(v), spread, std::move(base), energy, least);
     for (const Index w : chosen) carry(v, w);
-    return units;
+    return static_cast<Index>(chosen.size());
+  }
+  /// Three or more units of one sign closer together than `near`, as a linear field leaves them at a pole, are spread
+  /// out where that saves the quads from varying in size.
+  void spread_poles(double spread, double near, ScaleEnergy& energy) {
+    for (Index v = 0; v < mesh_.vertex_count(); ++v) {
+      if (!interior(v) || index(v) <= 0) continue;
+      std::vector<Index> group;
+      Index units = 0;
+      bool other = false;
+      search({v}, near, [&](Index w, double) {
+        if (index(w) > 0) group.push_back(w), units += index(w);
+        return other = other || index(w) < 0;
+      });
+      if (units < 3 || units > 6 || other) continue;
+      std::vector<Index> base = singularities_.index4;
+      const double now = energy(base);
+      for (const Index w : group) base[at(w)] = 0;
+      std::swap(base, singularities_.index4);
+      double then = 0;
+      const std::vector<Index> chosen = roomiest(v, units, spread, singularities_.index4, energy, then);
+      std::swap(base, singularities_.index4);
+      if (chosen.empty() || !(then < now - 0.3)) continue;
+      for (const Index w : group)
+        while (w != v && index(w) > 0) carry(w, v);
+      for (const Index w : chosen) carry(v, w);
+    }
   }
 
   /// Gives a unit of a border vertex to the border vertex near that has most angle to lose, or to one inside.
@@ -246,6 +375,25 @@ class FieldSurgery {
       return true;
     }
     carry(v, inside);
+    return true;
+  }
+  /// Takes a unit for a border vertex of too many quads from a regular vertex inside, `spread` away where there is one.
+  bool supply(Index v, double spread) {
+    Index inside = no_index;
+    double deepest = -1;
+    search({v}, 2 * spread, [&](Index w, double d) {
+      if (w != v && index(w) == 0 && deepest < spread) {
+        inside = w;
+        deepest = d;
+      }
+      return deepest >= spread;
+    });
+    if (inside == no_index) return false;
+    for (Index w = inside; w != v;) {
+      const Index h = reached_[w].second;
+      move_unit(mesh_.twin(h));
+      w = mesh_.origin(h);
+    }
     return true;
   }
   /// Angle of the surface at a border vertex.

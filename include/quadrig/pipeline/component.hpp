@@ -12,8 +12,8 @@ struct RemeshShared {
   const Connection<double>& connection;
   const RemeshOptions& options;
   const SizingOptions& sizing;
-  const SizeField* sizes = nullptr;      ///< null: the field's own magnitudes
-  const PosedMetric* metric = nullptr;   ///< null: no posed directions
+  const SizeField* sizes = nullptr;     ///< null: the field's own magnitudes
+  const PosedMetric* metric = nullptr;  ///< null: no posed directions
 };
 
 struct ComponentResult {

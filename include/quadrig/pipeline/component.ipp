@@ -3,88 +3,10 @@
 #include "quadrig/field/surgery.hpp"
 #include "quadrig/pipeline/component.hpp"
 #include "quadrig/pipeline/map_stage.hpp"
-#include "quadrig/prepare/split_edges.hpp"
+#include "quadrig/pipeline/piece.hpp"
 #include "quadrig/simplify.hpp"
 
 namespace quadrig::detail {
-
-/// A component as an asset of its own, refined where the map needs it; `parent` is the asset's face of each face.
-struct Piece {
-  Asset asset;
-  std::vector<Index> parent;
-};
-
-inline Piece make_piece(const Asset& asset, std::span<const Index> faces) {
-  Piece piece;
-  std::vector<Index> number(at(asset.mesh.vertex_count()), no_index), vertices;
-  Triangles triangles(static_cast<Eigen::Index>(faces.size()), 3);
-  for (std::size_t f = 0; f < faces.size(); ++f)
-    for (int i = 0; i < 3; ++i) {
-      const Index v = asset.mesh.faces()(faces[f], i);
-      if (number[at(v)] == no_index) {
-        number[at(v)] = static_cast<Index>(vertices.size());
-        vertices.push_back(v);
-      }
-      triangles(static_cast<Eigen::Index>(f), i) = number[at(v)];
-    }
-  Points<double> positions(static_cast<Eigen::Index>(vertices.size()), 3);
-  for (std::size_t v = 0; v < vertices.size(); ++v)
-    positions.row(static_cast<Eigen::Index>(v)) = asset.mesh.positions().row(vertices[v]);
-  Expected<TriangleMesh<double>> mesh = TriangleMesh<double>::create(std::move(positions), std::move(triangles));
-  assert(mesh);
-  piece.asset.mesh = std::move(*mesh);
-  piece.parent.assign(faces.begin(), faces.end());
-  if (asset.rig) {
-    piece.asset.rig = Rig{asset.rig->skeleton, SkinWeights(static_cast<Index>(vertices.size()), asset.rig->weights.cols()), {}};
-    std::vector<Eigen::Triplet<double, Index>> entries;
-    for (std::size_t v = 0; v < vertices.size(); ++v)
-      for (SkinWeights::InnerIterator it(asset.rig->weights, vertices[v]); it; ++it)
-        entries.emplace_back(static_cast<Index>(v), static_cast<Index>(it.col()), it.value());
-    piece.asset.rig->weights.setFromTriplets(entries.begin(), entries.end());
-  }
-  return piece;
-}
-
-inline void replace_mesh(Piece& piece, Refinement&& finer) {
-  if (piece.asset.rig)
-    piece.asset.rig->weights = interpolate(piece.asset.mesh, piece.asset.rig->weights, finer.source);
-  for (Index& f : finer.source_face) f = piece.parent[at(f)];
-  piece.parent = std::move(finer.source_face);
-  piece.asset.mesh = std::move(finer.mesh);
-}
-
-/// No edge inside joins two vertices of the border: a map would have to flatten a triangle there.
-inline void free_border(Piece& piece) {
-  const TriangleMesh<double>& mesh = piece.asset.mesh;
-  if (mesh.closed()) return;
-  std::vector<char> marked(at(mesh.halfedge_count()), 0);
-  bool any = false;
-  for (Index h = 0; h < mesh.halfedge_count(); ++h)
-    if (mesh.twin(h) != no_index && mesh.on_boundary(mesh.origin(h)) && mesh.on_boundary(mesh.target(h)))
-      marked[at(h)] = 1, any = true;
-  if (mesh.face_count() == 1) {
-    // A lone triangle has no edge inside: cut all three, and the inner face keeps the border apart.
-    std::fill(marked.begin(), marked.end(), char{1});
-    any = true;
-  }
-  if (!any) return;
-  replace_mesh(piece, split_edges(mesh, marked));
-}
-
-/// Edge lengths at most `target`.
-inline Status refine_piece(Piece& piece, double target, Context& context) {
-  const TriangleMesh<double>& mesh = piece.asset.mesh;
-  bool needed = false;
-  for (Index h = 0; h < mesh.halfedge_count() && !needed; ++h) needed = mesh.edge_vector(h).norm() > target;
-  if (!needed) return {};
-  const auto length = [&](Index) { return target; };
-  RefineOptions options;
-  options.max_faces = std::max<Index>(4 * mesh.face_count(), 2'000'000);
-  Expected<Refinement> finer = refine(mesh, length, options, context);
-  if (!finer) return finer.error();
-  replace_mesh(piece, std::move(*finer));
-  return {};
-}
 
 /// Barycentric coordinates of a point in the plane of a face, clamped into it.
 inline SurfacePoint point_in_face(const TriangleMesh<double>& mesh, Index face, const Vector3& p) {
@@ -151,26 +73,46 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
   };
 
   struct Attempt {
-    double smoothing;       // singularities closer than this many quads merge
-    double longest_edge;    // of the triangles, in quad edges
+    double smoothing;     // singularities closer than this many quads merge
+    double longest_edge;  // of the triangles, in quad edges; 0: on a stand-in for the surface
     bool creases;
   };
-  static constexpr std::array<Attempt, 5> attempts{
-      {{0.5, 1.5, true}, {1, 1.0, true}, {2, 0.7, false}, {4, 0.5, false}, {8, 0.35, false}}};
+  // That many triangles a quad carry a map as well as any number.
+  const auto stand_in_faces = std::max<Index>(4000, static_cast<Index>(25 * quads));
+  std::vector<Attempt> attempts{{0.5, 1.5, true}, {1, 1.0, true}, {1, 0, true}, {2, 0.7, false}, {4, 0, false}};
+  if (original.asset.mesh.face_count() > std::max<Index>(20'000, 3 * stand_in_faces))
+    attempts.insert(attempts.begin(), {0.5, 0, true});
+  int flat = 0;  // valid maps whose quads would lie flat in space: another field seldom helps
   static constexpr int max_operations = 3;
   for (const Attempt& attempt : attempts) {
     if (context.cancelled()) return cancelled_error("remesh");
+    if (flat > 2) break;
     const auto leave = [&](const std::string& reason) {
       result.report.reasons.push_back("smoothing over " + std::to_string(attempt.smoothing).substr(0, 3) +
                                       " quads: " + reason);
     };
-    Piece piece = original;
-    if (Status status = refine_piece(piece, attempt.longest_edge * edge, context); !status.ok()) {
-      leave(status.error().message());
-      continue;
+    Piece piece;
+    if (attempt.longest_edge == 0) {
+      Expected<Piece> made = stand_in_piece(original, stand_in_faces, context);
+      if (!made) {
+        leave("stand-in: " + made.error().message());
+        continue;
+      }
+      piece = std::move(*made);
+    } else {
+      piece = original;
+      if (Status status = refine_piece(piece, attempt.longest_edge * edge, context); !status.ok()) {
+        leave(status.error().message());
+        continue;
+      }
+      if (std::optional<Refinement> freed = border_freed(piece.asset.mesh)) replace_mesh(piece, std::move(*freed));
     }
-    free_border(piece);
     const TriangleMesh<double>& mesh = piece.asset.mesh;
+    const TriangleMesh<double>& surface = piece.source.empty() ? mesh : original.asset.mesh;
+    const std::vector<Index>& surface_parent = piece.source.empty() ? piece.parent : original.parent;
+    std::optional<OntoSurface> projection;
+    if (!piece.source.empty()) projection.emplace(mesh, piece.source, surface);
+    const auto onto = [&](const SurfacePoint& point) { return projection ? (*projection)(point) : point; };
     const Connection<double> connection(mesh);
 
     FieldOptions field_options;
@@ -187,8 +129,8 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
       PolyVectorTargets targets = PolyVectorTargets::none(mesh.face_count());
       for (Index f = 0; f < mesh.face_count(); ++f) {
         const auto p = at(piece.parent[at(f)]);
-        const Complex d = connection.to_complex(
-            f, shared.connection.to_vector(piece.parent[at(f)], shared.metric->direction[p]));
+        const Complex d =
+            connection.to_complex(f, shared.connection.to_vector(piece.parent[at(f)], shared.metric->direction[p]));
         targets.x0[at(f)] = -integer_power(d / std::abs(d), 4);
         targets.weight[at(f)] = options.directions.posed * shared.metric->alignment[p];
       }
@@ -196,7 +138,8 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
     }
     Expected<FieldResult> field = design_field(piece.asset, connection, field_options, context);
     if (!field) {
-      if (field.error().code == ErrorCode::cancelled || field.error().code == ErrorCode::bad_option) return field.error();
+      if (field.error().code == ErrorCode::cancelled || field.error().code == ErrorCode::bad_option)
+        return field.error();
       leave("field: " + field.error().message());
       continue;
     }
@@ -215,11 +158,17 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
         leave("field: " + status.error().message());
         break;
       }
-      Index extreme = 0;
+      Index extreme = 0, first = no_index;
       for (Index v = 0; v < mesh.vertex_count(); ++v)
-        extreme += index[at(v)] > 1 || index[at(v)] < (mesh.on_boundary(v) ? -2 : -3);
+        if (index[at(v)] > 1 || index[at(v)] < (mesh.on_boundary(v) ? -2 : -3)) {
+          ++extreme;
+          if (first == no_index) first = v;
+        }
       if (extreme > 0) {
-        leave("field: " + count_of(extreme, "vertex") + " of valence below 3 or above 7");
+        leave("field: " + std::to_string(extreme) + (extreme == 1 ? " vertex" : " vertices") +
+              " of too few or too many quads, one of " +
+              std::to_string((mesh.on_boundary(first) ? 2 : 4) - index[at(first)]) +
+              (mesh.on_boundary(first) ? " on the border" : ""));
         break;
       }
       FrameField frames = field->frames;
@@ -238,7 +187,7 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
       bool pinned = false;
       const std::vector<Aligned> aligned = alignment(mesh, connection, cut, frames, crease, pinned);
       const TargetEdges target = target_edges(mesh, connection, cut, frames.u, frames.v);
-      const MapInput input{mesh, connection, cut, index, aligned, target, quads};
+      const MapInput input{mesh, connection, cut, index, aligned, target, quads, surface, onto};
       std::vector<Index> trouble;
       Expected<MapOutput> mapped = pinned ? map_stage<double>(input, options, result.seconds, trouble, context)
                                           : map_stage<Complex>(input, options, result.seconds, trouble, context);
@@ -247,11 +196,12 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
         result.report.rung = mapped->rung;
         result.report.singularities = field->singularities.plus + field->singularities.minus;
         result.field = std::move(field->report);
-        finish(mesh, piece.parent, std::move(mapped->quads));
+        finish(surface, surface_parent, std::move(mapped->quads));
         return result;
       }
       if (mapped.error().code == ErrorCode::cancelled) return mapped.error();
       leave(mapped.error().what);
+      flat += trouble.empty();
       if (trouble.empty() || !surgery.cancel_near(trouble)) break;
       surgery.split_extremes(0.75 * edge);
     }
@@ -259,6 +209,7 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
 
   SplitOptions split_options;
   split_options.quads = std::max<Index>(1, static_cast<Index>(std::lround(quads)));
+  split_options.polish = options.polish;
   Expected<SplitQuads> split = split_quads(original.asset.mesh, split_options, context);
   if (!split) return split.error();
   result.report.rung = Rung::split;

@@ -2,9 +2,9 @@
 #pragma once
 
 #include "quadrig/pipeline.hpp"
+#include "quadrig/quads/grid_map.hpp"
 #include "quadrig/quads/place.hpp"
 #include "quadrig/quads/topology.hpp"
-#include "quadrig/quads/grid_map.hpp"
 #include "quadrig/seamless/target.hpp"
 #include "quadrig/seamless/untangle.hpp"
 
@@ -19,6 +19,8 @@ struct MapInput {
   const std::vector<Aligned>& aligned;
   const TargetEdges& target;
   double quads = 0;
+  const TriangleMesh<double>& surface;                   ///< where the quads go: `mesh`, or what it stands for
+  function_ref<SurfacePoint(const SurfacePoint&)> onto;  ///< from `mesh` to `surface`
 };
 
 struct MapOutput {
@@ -37,14 +39,12 @@ inline double map_area(const std::vector<Complex>& z) {
   return area;
 }
 
-inline std::string count_of(Index n, const char* what) {
-  return std::to_string(n) + " " + what + (n == 1 ? "" : "s");
-}
+inline std::string count_of(Index n, const char* what) { return std::to_string(n) + " " + what + (n == 1 ? "" : "s"); }
 
 /// Quads with their places, or the first reason why they are not a mesh like the surface.
 [[nodiscard]] inline Expected<QuadMesh> placed_quads(const TriangleMesh<double>& mesh, ExtractedQuads extracted,
-                                                     function_ref<SurfacePoint(const SurfacePoint&)> place,
-                                                     Index euler, Index loops) {
+                                                     function_ref<SurfacePoint(const SurfacePoint&)> place, Index euler,
+                                                     Index loops) {
   const QuadTopology topology = quad_topology(extracted.quads, static_cast<Index>(extracted.vertices.size()));
   if (!topology.defect.empty()) return map_error(topology.defect);
   if (topology.euler != euler || topology.boundary_loops != loops)
@@ -159,7 +159,8 @@ template <class K>
     lap(seconds.integers);
     Expected<ExtractedQuads> extracted = extract_quads(grid, static_cast<std::size_t>(tried->quads + 0.5));
     if (!extracted) return extracted.error();
-    Expected<QuadMesh> quads = placed_quads(mesh, std::move(*extracted), place, euler, loops);
+    const auto on_surface = [&](const SurfacePoint& p) { return in.onto(place(p)); };
+    Expected<QuadMesh> quads = placed_quads(in.surface, std::move(*extracted), on_surface, euler, loops);
     lap(seconds.extraction);
     if (quads) {
       coarse_quads = std::move(*quads);
@@ -175,7 +176,7 @@ template <class K>
 
   constexpr double sound = 0.05, fine_enough = 0.3;  // least scaled Jacobians: below the first, another way is better
   const auto polished = [&](QuadMesh quads) {
-    const PolishReport report = polish(mesh, options.polish, quads, context);
+    const PolishReport report = polish(in.surface, options.polish, quads, context);
     lap(seconds.polish);
     return std::pair{std::move(quads), report};
   };
@@ -208,8 +209,7 @@ template <class K>
     if (!grid_map_exact(*grid)) return map_error("fine map: a triangle flips in fixed point");
     Expected<ExtractedQuads> extracted = extract_quads(*grid, static_cast<std::size_t>(integers->quads + 0.5));
     if (!extracted) return extracted.error();
-    const auto same = [](const SurfacePoint& p) { return p; };
-    Expected<QuadMesh> quads = placed_quads(mesh, std::move(*extracted), same, euler, loops);
+    Expected<QuadMesh> quads = placed_quads(in.surface, std::move(*extracted), in.onto, euler, loops);
     lap(seconds.extraction);
     return quads;
   }();

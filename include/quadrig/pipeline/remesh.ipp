@@ -14,7 +14,8 @@ QUADRIG_INLINE Status RemeshOptions::validate() const {
   if (quads > 50'000'000) return bad("quads", "too many", "give at most 50000000");
   if (influences < 1) return bad("influences", "a vertex needs at least one", "give 1 or more");
   if (!(count_tolerance > 0)) return bad("count_tolerance", "not positive", "give a fraction such as 0.05");
-  if (!(bend_degrees > 0 && bend_degrees < 180)) return bad("bend_degrees", "out of range", "give an angle in (0, 180)");
+  if (!(bend_degrees > 0 && bend_degrees < 180))
+    return bad("bend_degrees", "out of range", "give an angle in (0, 180)");
   if (!(crease_angle_radians > 0)) return bad("crease_angle_radians", "not positive", "give an angle in radians");
   if (!(directions.posed >= 0)) return bad("directions.posed", "negative", "give 0 or more");
   return sizing ? sizing->validate() : Status{};
@@ -42,8 +43,7 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
   const Stopwatch total;
   if (Status status = options.validate(); !status.ok()) return status.error();
   const TriangleMesh<double>& mesh = asset.mesh;
-  if (mesh.face_count() == 0)
-    return Error{ErrorCode::bad_input, "the mesh has no faces", "mesh", "give a surface"};
+  if (mesh.face_count() == 0) return Error{ErrorCode::bad_input, "the mesh has no faces", "mesh", "give a surface"};
   if (options.preset == FieldPreset::thesis && !asset.rig)
     return Error{ErrorCode::bad_option, "the thesis preset needs a rig", "preset", "give a rig, or use static"};
 
@@ -89,15 +89,20 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
   }
   sizes.largest_aspect = sizing.largest_aspect;
   switch (sizing.density) {
-    case DensitySource::uniform: sizes.density.assign(at(mesh.face_count()), 1.0); break;
+    case DensitySource::uniform:
+      sizes.density.assign(at(mesh.face_count()), 1.0);
+      break;
     case DensitySource::blend:
       sizes.density.resize(at(mesh.face_count()));
       for (std::size_t f = 0; f < sizes.density.size(); ++f)
         sizes.density[f] = omega1.empty() ? 1.0 : 1 + 3 * (1 - omega1[f]);
       break;
     case DensitySource::rest:
-    case DensitySource::posed: sizes.density = metric->density; break;
-    case DensitySource::field: break;
+    case DensitySource::posed:
+      sizes.density = metric->density;
+      break;
+    case DensitySource::field:
+      break;
   }
   const bool sized = sizing.density != DensitySource::field;
   if (sized && sizing.density != DensitySource::uniform)
@@ -115,8 +120,8 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
     share[c] += mesh.area(f) * (sized ? sizes.density[at(f)] : 1.0);
   }
   for (const double s : share) whole += s;
-  const detail::RemeshShared shared{asset,  connection, options, sizing, sized ? &sizes : nullptr,
-                                    metric ? &*metric : nullptr};
+  const detail::RemeshShared shared{
+      asset, connection, options, sizing, sized ? &sizes : nullptr, metric ? &*metric : nullptr};
   std::vector<std::optional<Expected<detail::ComponentResult>>> parts(faces.size());
   context.progress("remesh", 0.1);
   const auto work = [&](std::size_t begin, std::size_t end) {
@@ -136,7 +141,8 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
   for (std::size_t c = 0; c < parts.size(); ++c) {
     if (!*parts[c]) {
       Error error = parts[c]->error();
-      error.where = "component " + std::to_string(c) + " (face " + std::to_string(faces[c].front()) + "), " + error.where;
+      error.where =
+          "component " + std::to_string(c) + " (face " + std::to_string(faces[c].front()) + "), " + error.where;
       return error;
     }
     vertices += (*parts[c])->mesh.vertex_count();
@@ -185,18 +191,18 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
   if (quads > options.quads * (1 + options.count_tolerance)) report.minimum_count = quads;
   for (std::size_t c = 0; c < report.components.size(); ++c)
     if (report.components[c].rung == Rung::split)
-      report.warnings.push_back({"remesh", "component " + std::to_string(c) + ": no valid map, split from triangles (" +
-                                               (report.components[c].reasons.empty()
-                                                    ? std::string("no attempt")
-                                                    : report.components[c].reasons.back()) + ")"});
+      report.warnings.push_back(
+          {"remesh", "component " + std::to_string(c) + ": no valid map, split from triangles (" +
+                         (report.components[c].reasons.empty() ? std::string("no attempt")
+                                                               : report.components[c].reasons.back()) +
+                         ")"});
   const QuadTopology topology = quad_topology(out.quads, vertices);
   report.valid = topology.defect.empty() && report.scaled_jacobian_minimum > 0;
   for (const Warning& warning : report.warnings) context.warnings.push_back(warning);
   report.seconds.total = total.seconds();
   if (!report.valid)
-    return Error{ErrorCode::stage_failed,
-                 topology.defect.empty() ? "a quad stays inverted" : topology.defect, "check of the result",
-                 "ask for another count or the static preset"};
+    return Error{ErrorCode::stage_failed, topology.defect.empty() ? "a quad stays inverted" : topology.defect,
+                 "check of the result", "ask for another count or the static preset"};
   context.progress("done", 1);
   return result;
 }

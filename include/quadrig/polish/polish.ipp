@@ -179,8 +179,10 @@ class Polisher {
     return center + sign_x * x + sign_y * y;
   }
 
-  /// Least scaled Jacobian of the quads at v; −1 where one has turned against the surface.
+  /// Least scaled Jacobian of the quads at v. One that is turned against the surface counts as just inverted, so that
+  /// nothing is turned over while it is sound, and nothing is crushed in order to be turned back.
   [[nodiscard]] double least(Index v) const {
+    constexpr double turned = -0.05;
     double worst = 1;
     const Vector3 normal = mesh_.normal(quads_.source[at(v)].face);
     for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k) {
@@ -188,7 +190,7 @@ class Polisher {
       const Eigen::Matrix<Index, 1, 4> quad = quads_.quads.row(q);
       double j = scaled_jacobian(quads_.positions, quad);
       const Vector3 n = (point(quad[2]) - point(quad[0])).cross(point(quad[3]) - point(quad[1]));
-      if (n.dot(normal) < -0.5 * n.norm()) j = std::min(j, 0.0) - 1;
+      if (n.dot(normal) < -0.5 * n.norm()) j = std::min(j, turned);
       worst = std::min(worst, j);
     }
     return worst;

@@ -5,6 +5,7 @@
 #include "quadrig/simplify/decimate.hpp"
 #include "quadrig/simplify/pair.hpp"
 #include "quadrig/simplify/place.hpp"
+#include "quadrig/simplify/refined.hpp"
 
 namespace quadrig {
 namespace detail {
@@ -80,38 +81,14 @@ QUADRIG_INLINE Expected<SplitQuads> split_quads(const TriangleMesh<double>& mesh
   // Most triangles find a partner, so a triangle gives little more than two quads.
   const auto count_wanted = static_cast<double>(options.quads);
   const auto faces_wanted = static_cast<Index>(std::ceil(count_wanted / 2.15));
-  // Collapses choose among the vertices that are there: about five times as many triangles as wanted give a choice.
-  double length = 0.6 * std::sqrt(4 / std::sqrt(3.0) * mesh.total_area() / faces_wanted);
-  // Long needles would fall into far more pieces than that: then longer edges must do.
-  RefineOptions refine_options = options.refine;
-  refine_options.max_faces = static_cast<Index>(std::min<std::int64_t>(
-      refine_options.max_faces, 5'000 + 2 * std::int64_t{mesh.face_count()} + 30 * std::int64_t{faces_wanted}));
-  std::optional<Refinement> refined;
-  for (int attempt = 0; attempt < 60 && length > 0 && std::isfinite(length); ++attempt) {
-    Expected<Refinement> finer = refine(
-        mesh, [&](Index) { return length; }, refine_options, context);
-    if (!finer) {
-      if (finer.error().code == ErrorCode::cancelled) return finer.error();
-      if (refined) break;
-      length *= 1.6;
-      continue;
-    }
-    refined = std::move(*finer);
-    if (refined->mesh.face_count() >= 3 * std::int64_t{faces_wanted}) break;
-    length /= 1.3;
-  }
+  Expected<std::optional<Refinement>> finer = detail::refined_to_choose(mesh, faces_wanted, options.refine, context);
+  if (!finer) return finer.error();
+  const std::optional<Refinement>& refined = *finer;
   const TriangleMesh<double>& fine = refined ? refined->mesh : mesh;
-
-  std::vector<Vector3> positions(static_cast<std::size_t>(fine.vertex_count()));
-  std::vector<SurfacePoint> sources(positions.size());
-  for (Index corner = 3 * fine.face_count() - 1; corner >= 0; --corner) {
-    const auto v = static_cast<std::size_t>(fine.origin(corner));
-    if (refined)
-      sources[v] = refined->source[v];
-    else
-      sources[v] = {corner / 3, Vector3::Unit(corner % 3)};
-    positions[v] = position(mesh, sources[v]);
-  }
+  std::vector<SurfacePoint> sources = refined ? refined->source : detail::vertex_points(mesh);
+  std::vector<Vector3> positions(sources.size());
+  for (std::size_t v = 0; v < positions.size(); ++v)
+    if (sources[v].face != no_index) positions[v] = position(mesh, sources[v]);  // else of no face
 
   SplitQuads result;
   SplitReport& report = result.report;

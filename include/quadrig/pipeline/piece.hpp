@@ -1,0 +1,111 @@
+// A component of an asset by itself, on triangles that a map can be made on.
+#pragma once
+
+#include "quadrig/asset.hpp"
+#include "quadrig/pipeline/stand_in.hpp"
+#include "quadrig/prepare/split_edges.hpp"
+
+namespace quadrig::detail {
+
+/// A component as an asset of its own, refined where the map needs it; `parent` is the asset's face of each face.
+struct Piece {
+  Asset asset;
+  std::vector<Index> parent;
+  /// Of a piece that stands for another: each vertex on the surface of that one.
+  std::vector<SurfacePoint> source;
+};
+
+inline Piece make_piece(const Asset& asset, std::span<const Index> faces) {
+  Piece piece;
+  std::vector<Index> number(at(asset.mesh.vertex_count()), no_index), vertices;
+  Triangles triangles(static_cast<Eigen::Index>(faces.size()), 3);
+  for (std::size_t f = 0; f < faces.size(); ++f)
+    for (int i = 0; i < 3; ++i) {
+      const Index v = asset.mesh.faces()(faces[f], i);
+      if (number[at(v)] == no_index) {
+        number[at(v)] = static_cast<Index>(vertices.size());
+        vertices.push_back(v);
+      }
+      triangles(static_cast<Eigen::Index>(f), i) = number[at(v)];
+    }
+  Points<double> positions(static_cast<Eigen::Index>(vertices.size()), 3);
+  for (std::size_t v = 0; v < vertices.size(); ++v)
+    positions.row(static_cast<Eigen::Index>(v)) = asset.mesh.positions().row(vertices[v]);
+  Expected<TriangleMesh<double>> mesh = TriangleMesh<double>::create(std::move(positions), std::move(triangles));
+  assert(mesh);
+  piece.asset.mesh = std::move(*mesh);
+  piece.parent.assign(faces.begin(), faces.end());
+  if (asset.rig) {
+    piece.asset.rig =
+        Rig{asset.rig->skeleton, SkinWeights(static_cast<Index>(vertices.size()), asset.rig->weights.cols()), {}};
+    std::vector<Eigen::Triplet<double, Index>> entries;
+    for (std::size_t v = 0; v < vertices.size(); ++v)
+      for (SkinWeights::InnerIterator it(asset.rig->weights, vertices[v]); it; ++it)
+        entries.emplace_back(static_cast<Index>(v), static_cast<Index>(it.col()), it.value());
+    piece.asset.rig->weights.setFromTriplets(entries.begin(), entries.end());
+  }
+  return piece;
+}
+
+inline void replace_mesh(Piece& piece, Refinement&& finer) {
+  if (piece.asset.rig) piece.asset.rig->weights = interpolate(piece.asset.mesh, piece.asset.rig->weights, finer.source);
+  for (Index& f : finer.source_face) f = piece.parent[at(f)];
+  piece.parent = std::move(finer.source_face);
+  piece.asset.mesh = std::move(finer.mesh);
+}
+
+/// The mesh cut so that no edge inside joins two vertices of the border: a map would have to flatten a triangle there.
+/// Nothing where it has none.
+[[nodiscard]] inline std::optional<Refinement> border_freed(const TriangleMesh<double>& mesh) {
+  if (mesh.closed()) return std::nullopt;
+  std::vector<char> marked(at(mesh.halfedge_count()), 0);
+  bool any = false;
+  for (Index h = 0; h < mesh.halfedge_count(); ++h)
+    if (mesh.twin(h) != no_index && mesh.on_boundary(mesh.origin(h)) && mesh.on_boundary(mesh.target(h)))
+      marked[at(h)] = 1, any = true;
+  if (mesh.face_count() == 1) {
+    // A lone triangle has no edge inside: cut all three, and the inner face keeps the border apart.
+    std::fill(marked.begin(), marked.end(), char{1});
+    any = true;
+  }
+  if (!any) return std::nullopt;
+  return split_edges(mesh, marked);
+}
+
+/// Edge lengths at most `target`.
+inline Status refine_piece(Piece& piece, double target, Context& context) {
+  const TriangleMesh<double>& mesh = piece.asset.mesh;
+  bool needed = false;
+  for (Index h = 0; h < mesh.halfedge_count() && !needed; ++h) needed = mesh.edge_vector(h).norm() > target;
+  if (!needed) return {};
+  const auto length = [&](Index) { return target; };
+  RefineOptions options;
+  options.max_faces = std::max<Index>(4 * mesh.face_count(), 2'000'000);
+  Expected<Refinement> finer = refine(mesh, length, options, context);
+  if (!finer) return finer.error();
+  replace_mesh(piece, std::move(*finer));
+  return {};
+}
+
+/// The piece on a stand-in of about `faces` faces. \fails as make_stand_in
+[[nodiscard]] inline Expected<Piece> stand_in_piece(const Piece& original, Index faces, Context& context) {
+  const TriangleMesh<double>& surface = original.asset.mesh;
+  Expected<StandIn> made = make_stand_in(surface, faces, context);
+  if (!made) return made.error();
+  if (std::optional<Refinement> freed = border_freed(made->mesh)) {
+    const OntoSurface onto(made->mesh, made->source, surface);
+    std::vector<SurfacePoint> source;
+    for (const SurfacePoint& point : freed->source) source.push_back(onto(point));
+    *made = {std::move(freed->mesh), std::move(source)};
+  }
+  Piece piece{{std::move(made->mesh), std::nullopt}, {}, std::move(made->source)};
+  const OntoSurface onto(piece.asset.mesh, piece.source, surface);
+  for (Index f = 0; f < piece.asset.mesh.face_count(); ++f)
+    piece.parent.push_back(original.parent[at(onto({f, Vector3::Constant(1.0 / 3)}).face)]);
+  if (original.asset.rig)
+    piece.asset.rig =
+        Rig{original.asset.rig->skeleton, interpolate(surface, original.asset.rig->weights, piece.source), {}};
+  return piece;
+}
+
+}  // namespace quadrig::detail

@@ -1,0 +1,104 @@
+// A triangulation that stands in for a surface where its own triangles cannot carry a map, or are far more than a map
+// needs.
+#pragma once
+
+#include <memory>
+
+#include "quadrig/closest.hpp"
+#include "quadrig/simplify/decimate.hpp"
+#include "quadrig/simplify/place.hpp"
+#include "quadrig/simplify/refined.hpp"
+
+namespace quadrig::detail {
+
+/// Round triangles of about one size; every vertex lies on the surface that they stand for.
+struct StandIn {
+  TriangleMesh<double> mesh;
+  std::vector<SurfacePoint> source;  ///< of each vertex, on the surface
+};
+
+/// A stand-in of about `faces` faces with the topology and the border loops of the surface.
+/// \pre mesh has a face, and none of zero area
+/// \fails cancelled; numeric where what is left is no manifold
+/// \cost as split_quads
+[[nodiscard]] inline Expected<StandIn> make_stand_in(const TriangleMesh<double>& mesh, Index faces, Context& context) {
+  Expected<std::optional<Refinement>> refined = refined_to_choose(mesh, faces, RefineOptions{}, context);
+  if (!refined) return refined.error();
+  const TriangleMesh<double>& fine = *refined ? (*refined)->mesh : mesh;
+  // Even triangles before all: closeness comes back when the quads are put on the surface itself.
+  Decimator decimator(fine, 1.0, std::sqrt(2 * mesh.total_area() / faces));
+  if (Status status = decimator.reduce(faces, context); !status) return status.error();
+
+  const std::vector<SurfacePoint> sources = *refined ? (*refined)->source : vertex_points(mesh);
+  StandIn result;
+  std::vector<Index> number(sources.size(), no_index);
+  const std::vector<Decimator::Face> left = decimator.faces();
+  Triangles triangles(static_cast<Eigen::Index>(left.size()), 3);
+  for (std::size_t f = 0; f < left.size(); ++f)
+    for (int i = 0; i < 3; ++i) {
+      const auto v = static_cast<std::size_t>(left[f][static_cast<std::size_t>(i)]);
+      if (number[v] == no_index) {
+        number[v] = static_cast<Index>(result.source.size());
+        result.source.push_back(sources[v]);
+      }
+      triangles(static_cast<Eigen::Index>(f), i) = number[v];
+    }
+  Points<double> positions(static_cast<Eigen::Index>(result.source.size()), 3);
+  for (std::size_t v = 0; v < result.source.size(); ++v)
+    positions.row(static_cast<Eigen::Index>(v)) = position(mesh, result.source[v]).transpose();
+  Expected<TriangleMesh<double>> made = TriangleMesh<double>::create(std::move(positions), std::move(triangles));
+  if (!made) return made.error();
+  result.mesh = std::move(*made);
+  return result;
+}
+
+/// Carries points of a stand-in to the surface: along the border by arc length, else to the closest point on the sheet
+/// that the stand-in's corners lie on.
+class OntoSurface {
+ public:
+  /// \param source of each vertex of `from`, on the surface. Keeps references to all three.
+  OntoSurface(const TriangleMesh<double>& from, const std::vector<SurfacePoint>& source,
+              const TriangleMesh<double>& surface)
+      : from_(from), source_(source), surface_(surface), loops_(surface) {}
+
+  /// \cost a walk over the faces between a corner and the answer; where that goes astray a search of the surface
+  [[nodiscard]] SurfacePoint operator()(const SurfacePoint& point) const {
+    for (int i = 0; i < 3; ++i)
+      if (point.barycentric[i] >= 1 - 1e-12) return source(from_.faces()(point.face, i));
+    for (int i = 0; i < 3; ++i) {
+      const Index h = 3 * point.face + i;
+      if (from_.twin(h) != no_index || point.barycentric[(i + 2) % 3] > 1e-9) continue;
+      if (const auto on_border =
+              loops_.between(source(from_.origin(h)), source(from_.target(h)), point.barycentric[(i + 1) % 3]))
+        return *on_border;
+    }
+    const Vector3 p = position(from_, point);
+    SurfaceHit best;
+    double longest = 0;
+    for (int i = 0; i < 3; ++i) {
+      const SurfaceHit hit = walk_closest(surface_, p, source(from_.faces()(point.face, i)));
+      if (i == 0 || hit.squared_distance < best.squared_distance) best = hit;
+      longest = std::max(longest, from_.edge_vector(3 * point.face + i).squaredNorm());
+    }
+    if (best.squared_distance > 0.01 * longest) {
+      if (!search_) search_ = std::make_unique<ClosestPoint>(surface_);
+      ClosestFilter filter;
+      filter.normal = from_.normal(point.face);
+      if (const SurfaceHit hit = search_->closest(p, filter);
+          hit.found() && hit.squared_distance < 0.25 * best.squared_distance)
+        best = hit;
+    }
+    return {best.face, best.barycentric};
+  }
+
+ private:
+  [[nodiscard]] const SurfacePoint& source(Index v) const { return source_[static_cast<std::size_t>(v)]; }
+
+  const TriangleMesh<double>& from_;
+  const std::vector<SurfacePoint>& source_;
+  const TriangleMesh<double>& surface_;
+  BoundaryLoops loops_;
+  mutable std::unique_ptr<ClosestPoint> search_;
+};
+
+}  // namespace quadrig::detail
