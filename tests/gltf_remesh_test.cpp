@@ -84,12 +84,181 @@ TEST_CASE("gltf: joints, clips and weights move the quads as they moved the tria
     CHECK(part(done.json, from, to) == part(in, from, to));
 }
 
+TEST_CASE("gltf: a skin that cannot be read stays as it is, by name and with its reason", "[gltf]") {
+  Context context;
+  Expected<GltfDocument> document = GltfDocument::parse(tube_file({.broken = true}), "tube.glb", {}, context);
+  REQUIRE(document.has_value());
+  const std::string old = part(document->json(), "\"name\":\"broken\"", "]}");
+  GltfDocument strict_document = document->copy();
+  const Expected<std::vector<GltfRemeshed>> all = remesh_gltf(*document, asked(300), context);
+  REQUIRE(all.has_value());
+  REQUIRE(all->size() == 2);
+  CHECK((*all)[0].result.report.valid);
+  CHECK((*all)[0].failures.empty());
+  REQUIRE((*all)[1].failures.size() == 1);
+  const GltfFailure& failure = (*all)[1].failures[0];
+  CHECK(failure.part == "skins[1] 'bad'");
+  CHECK(failure.reason.code == ErrorCode::bad_input);
+  CHECK(failure.reason.message().find("not finite") != std::string::npos);
+  CHECK(part(document->json(), "\"name\":\"broken\"", "]}") == old);
+  CHECK(std::ranges::any_of(context.warnings, [](const Warning& warning) {
+    return warning.text.find("skins[1] 'bad' stays as it is") != std::string::npos;
+  }));
+
+  GltfRemeshOptions strict = asked(300);
+  strict.prepare.strict = true;
+  strict.prepare.weld = Weld::all;
+  const std::string before = strict_document.json();
+  CHECK(!remesh_gltf(strict_document, strict, context).has_value());
+  CHECK(strict_document.json() == before);
+}
+
+TEST_CASE("gltf: a file without a skinned mesh is remeshed without a rig", "[gltf]") {
+  const Done done = remeshed({.skinned = false}, asked(400));
+  REQUIRE(done.surfaces.size() == 1);
+  CHECK(done.surfaces[0].surface.skin == no_index);
+  CHECK(done.surfaces[0].surface.label() == "meshes[0] 'tube'");
+  CHECK(!done.surfaces[0].result.weights.has_value());
+  CHECK(done.json.find("JOINTS_0") == std::string::npos);
+  CHECK(done.read_back[0].asset.mesh.closed());
+  CHECK(done.read_back[0].asset.mesh.face_count() == 2 * done.surfaces[0].result.mesh.quad_count());
+}
+
+TEST_CASE("gltf: what is remeshed is told by rule and by name", "[gltf]") {
+  const std::string bytes = tube_file({.crate = true});
+  const auto labels = [&](const GltfSelection& selection) {
+    Context context;
+    const Expected<GltfDocument> document = GltfDocument::parse(bytes, "tube.glb", {}, context);
+    REQUIRE(document.has_value());
+    const Expected<std::vector<GltfSurface>> surfaces = gltf_surfaces(*document, {}, {}, context, selection);
+    std::string text;
+    if (!surfaces) return surfaces.error().message();
+    for (const GltfSurface& surface : *surfaces)
+      text += surface.label() + " " + std::to_string(surface.asset.mesh.face_count()) + ";";
+    return text;
+  };
+  const std::string tube = "skins[0] 'tube' ", crate = "meshes[1] 'crate' 12;";
+  CHECK(labels({}) == tube + "408;");
+  CHECK(labels({.names = {}, .unskinned = true}) == tube + "408;" + crate);
+  for (const char* name : {"crate", "prop", "cra.*", "(crate|none)"}) CHECK(labels({.names = {name}}) == crate);
+  CHECK(labels({.names = {"body"}}) == tube + "408;");
+  CHECK(labels({.names = {"red"}}) == tube + "204;");
+  CHECK(labels({.names = {"red", "prop"}}) == tube + "204;" + crate);
+  for (const char* name : {"rat", "(", "none"}) {
+    INFO(name);
+    CHECK(labels({.names = {name}}).find("give a name of the file") != std::string::npos);
+  }
+}
+
+TEST_CASE("gltf: a mesh that is not selected keeps its bytes", "[gltf]") {
+  GltfRemeshOptions options = asked(200);
+  options.selection.names = {"tube"};
+  const Done done = remeshed({.crate = true}, options);
+  Context context;
+  const Expected<GltfDocument> before = GltfDocument::parse(tube_file({.crate = true}), "tube.glb", {}, context);
+  REQUIRE(before.has_value());
+  CHECK(part(done.json, "\"name\":\"crate\"", "]}") == part(before->json(), "\"name\":\"crate\"", "]}"));
+}
+
+TEST_CASE("gltf: the source map leads from each vertex to its place on the input", "[gltf]") {
+  GltfRemeshOptions options = asked(300);
+  options.source_map = true;
+  const Done done = remeshed({}, options);
+  CHECK(done.json.find("\"_SOURCE\"") != std::string::npos);
+  // The written attribute is read back by the layer itself as a custom attribute: numbers within their ranges, and the
+  // point of the named triangle is where the vertex is.
+  const ScratchFolder folder("gltf-source");
+  Context context;
+  Expected<GltfDocument> document = GltfDocument::parse(tube_file(), "tube.glb", {}, context);
+  const Expected<std::vector<GltfRemeshed>> all = remesh_gltf(*document, options, context);
+  REQUIRE(all.has_value());
+  const Expected<std::vector<GltfVertices>> written = gltf_vertices(*document, "_SOURCE", context);
+  const Expected<GltfDocument> input = GltfDocument::parse(tube_file(), "tube.glb", {}, context);
+  const Expected<std::vector<GltfVertices>> read = gltf_vertices(*input, "TEXCOORD_0", context);
+  REQUIRE((written.has_value() && read.has_value()));
+  REQUIRE(written->size() == 2);
+  double worst = 0;
+  Index seen = 0;
+  for (const GltfVertices& primitive : *written)
+    for (Index v = 0; v < primitive.positions.rows(); ++v) {
+      const Eigen::RowVectorXd source = primitive.values.row(v);
+      const GltfVertices& from = (*read)[static_cast<std::size_t>(source[0])];
+      const auto t = static_cast<Index>(source[1]);
+      REQUIRE(t < from.triangles.rows());
+      const double b[3] = {1 - source[2] - source[3], source[2], source[3]};
+      Vector3 p = Vector3::Zero();
+      for (int i = 0; i < 3; ++i) p += b[i] * from.positions.row(from.triangles(t, i)).transpose();
+      worst = std::max(worst, (p - primitive.positions.row(v).transpose()).norm());
+      ++seen;
+    }
+  CHECK(seen > 300);
+  CHECK(worst < 1e-6);
+}
+
+TEST_CASE("gltf: normals of morph targets are those of the moved quads", "[gltf]") {
+  const Done done = remeshed({.morph_normals = true}, asked(300));
+  // The target stretches the tube along y by 5 %: what it does to normals is small, and nothing like the input's 0.5.
+  CHECK(done.json.find("\"targets\":[{\"POSITION\":") != std::string::npos);
+  Context context;
+  Expected<GltfDocument> document = GltfDocument::parse(tube_file({.morph_normals = true}), "tube.glb", {}, context);
+  REQUIRE(remesh_gltf(*document, asked(300), context).has_value());
+  const Expected<std::vector<GltfVertices>> normals = gltf_vertices(*document, "NORMAL", context),
+                                            moved = gltf_vertices(*document, "targets[0].NORMAL", context);
+  REQUIRE((normals.has_value() && moved.has_value()));
+  double largest = 0, length = 0;
+  for (std::size_t p = 0; p < moved->size(); ++p) {
+    largest = std::max(largest, (*moved)[p].values.cwiseAbs().maxCoeff());
+    const Eigen::MatrixXd sum = (*moved)[p].values + (*normals)[p].values;
+    for (Eigen::Index v = 0; v < sum.rows(); ++v) length = std::max(length, std::abs(sum.row(v).norm() - 1));
+  }
+  CHECK(largest > 1e-4);
+  CHECK(largest < 0.2);
+  CHECK(length < 1e-5);
+}
+
 TEST_CASE("gltf: shells that are due less than a few quads stay as they are", "[gltf]") {
   GltfRemeshOptions options = asked(200);
   options.least_shell_quads = 1000;  // the largest shell is remeshed even so
   const Done done = remeshed({}, options);
   CHECK(done.surfaces[0].result.mesh.quad_count() > 0);
   CHECK(done.surfaces[0].passed_shells == 0);
+}
+
+TEST_CASE("gltf: the bytes of the replaced surface go, and all others stay", "[gltf]") {
+  const ScratchFolder folder("gltf-compact");
+  Context context;
+  const std::string input = tube_file({.crate = true});
+  Expected<GltfDocument> document = GltfDocument::parse(input, "tube.glb", {}, context);
+  REQUIRE(document.has_value());
+  REQUIRE(remesh_gltf(*document, asked(60), context).has_value());
+  const Expected<std::string> written = document->glb();
+  REQUIRE(written.has_value());
+  CHECK(written->size() < input.size());
+  // The box that was not remeshed, and the clip, read the same.
+  const Expected<GltfDocument> before = GltfDocument::parse(input, "a.glb", {}, context),
+                               after = GltfDocument::parse(*written, "b.glb", {}, context);
+  REQUIRE((before.has_value() && after.has_value()));
+  const auto vertices_of = [&](const GltfDocument& of) { return gltf_vertices(of, "POSITION", context); };
+  const auto old_boxes = vertices_of(*before), new_boxes = vertices_of(*after);
+  REQUIRE((old_boxes.has_value() && new_boxes.has_value()));
+  CHECK(old_boxes->back().positions == new_boxes->back().positions);
+  CHECK(old_boxes->back().triangles == new_boxes->back().triangles);
+  const auto clips_of = [&](const GltfDocument& of) { return gltf_surfaces(of, {}, {}, context); };
+  const auto old_clips = clips_of(*before), new_clips = clips_of(*after);
+  REQUIRE((old_clips.has_value() && new_clips.has_value()));
+  const Clip &a = (*old_clips)[0].asset.rig->clips[0], &b = (*new_clips)[0].asset.rig->clips[0];
+  REQUIRE(a.poses.size() == b.poses.size());
+  for (std::size_t k = 0; k < a.poses.size(); ++k)
+    for (std::size_t j = 0; j < 2; ++j) CHECK(a.poses[k][j].matrix() == b.poses[k][j].matrix());
+
+  // Places that an extension may know of stay where they are.
+  std::string json = tube_file({.as_json = true});
+  json.insert(json.find("\"extras\":{") + 10, "\"byteOffset\":0,");
+  Expected<GltfDocument> known = GltfDocument::parse(json, "tube.gltf", {}, context);
+  REQUIRE(known.has_value());
+  REQUIRE(remesh_gltf(*known, asked(60), context).has_value());
+  const auto views = [](const std::string& text) { return text.substr(text.find("\"bufferViews\":"), 60); };
+  CHECK(views(known->json()) == views(json));
 }
 
 TEST_CASE("gltf: the poses of the clips can be what sizes are made for", "[gltf]") {

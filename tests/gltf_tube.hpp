@@ -14,6 +14,10 @@ namespace quadrig::test {
 struct Tube {
   int sides = 12, rings = 16;
   bool two_materials = true, nan_weights = false, cycle = false, as_json = false;
+  bool skinned = true;         ///< else a mesh alone
+  bool crate = false;          ///< a box that no skin moves, mesh "crate" of node "prop"
+  bool broken = false;         ///< a second skin "bad" whose mesh "broken" has a position that is not finite
+  bool morph_normals = false;  ///< the morph target has normals
 };
 
 namespace detail {
@@ -125,18 +129,55 @@ void put(std::string& bytes, T value) {
   const int at_uv = add(uvs, count, "VEC2", 5126), at_joints = add(joints, count, "VEC4", 5121);
   const int at_weights = add(weights, count, "VEC4", 5126);
   const int at_moved = add(moved, count, "VEC3", 5126, ",\"min\":[0,0,0],\"max\":[0,0.2,0]");
+  std::string tilts;
+  for (std::size_t v = 0; v < count; ++v)
+    for (const float x : {0.0F, 0.5F, 0.0F}) detail::put(tilts, x);
+  const int at_tilts = tube.morph_normals ? add(tilts, count, "VEC3", 5126) : 0;
   std::string primitives;
   for (const auto* list : {&lower, &upper}) {
     if (list->empty()) continue;
     std::string bytes;
     for (const std::uint16_t v : *list) detail::put(bytes, v);
     const int indices = add(bytes, list->size(), "SCALAR", 5123);
-    primitives += std::string(primitives.empty() ? "" : ",") +
-                  "{\"attributes\":{\"POSITION\":" + std::to_string(at_position) +
-                  ",\"TEXCOORD_0\":" + std::to_string(at_uv) + ",\"JOINTS_0\":" + std::to_string(at_joints) +
-                  ",\"WEIGHTS_0\":" + std::to_string(at_weights) + "},\"indices\":" + std::to_string(indices) +
-                  ",\"material\":" + (list == &lower ? "0" : "1") +
-                  ",\"targets\":[{\"POSITION\":" + std::to_string(at_moved) + "}]}";
+    primitives +=
+        std::string(primitives.empty() ? "" : ",") + "{\"attributes\":{\"POSITION\":" + std::to_string(at_position) +
+        ",\"TEXCOORD_0\":" + std::to_string(at_uv) +
+        (tube.skinned ? ",\"JOINTS_0\":" + std::to_string(at_joints) + ",\"WEIGHTS_0\":" + std::to_string(at_weights)
+                      : std::string()) +
+        "},\"indices\":" + std::to_string(indices) + ",\"material\":" + (list == &lower ? "0" : "1") +
+        ",\"targets\":[{\"POSITION\":" + std::to_string(at_moved) +
+        (tube.morph_normals ? ",\"NORMAL\":" + std::to_string(at_tilts) : std::string()) + "}]}";
+  }
+  std::string more_meshes, more_nodes, more_skins, roots = tube.skinned ? "0,1" : "0";
+  if (tube.crate) {
+    std::string corners, sides;
+    for (int v = 0; v < 8; ++v)
+      for (int k = 0; k < 3; ++k) detail::put(corners, (v >> k & 1) ? 1.0F : 0.0F);
+    for (const int v :
+         {0, 2, 1, 1, 2, 3, 4, 5, 6, 5, 7, 6, 0, 1, 4, 1, 5, 4, 2, 6, 3, 3, 6, 7, 0, 4, 2, 2, 4, 6, 1, 3, 5, 3, 7, 5})
+      detail::put(sides, static_cast<std::uint16_t>(v));
+    const int at_corners = add(corners, 8, "VEC3", 5126, ",\"min\":[0,0,0],\"max\":[1,1,1]"),
+              at_sides = add(sides, 36, "SCALAR", 5123);
+    more_meshes += ",{\"name\":\"crate\",\"primitives\":[{\"attributes\":{\"POSITION\":" + std::to_string(at_corners) +
+                   "},\"indices\":" + std::to_string(at_sides) + "}]}";
+    more_nodes += ",{\"name\":\"prop\",\"mesh\":1,\"scale\":[2,2,2]}";
+    roots += ",3";
+  }
+  if (tube.broken) {
+    std::string corners, joint, weight;
+    for (int k = 0; k < 9; ++k) detail::put(corners, k == 4 ? std::nanf("") : static_cast<float>(k % 4));
+    for (int v = 0; v < 3; ++v)
+      for (int k = 0; k < 4; ++k) {
+        detail::put(joint, std::uint8_t{0});
+        detail::put(weight, k == 0 ? 1.0F : 0.0F);
+      }
+    const int at_corners = add(corners, 3, "VEC3", 5126), at_joint = add(joint, 3, "VEC4", 5121),
+              at_weight = add(weight, 3, "VEC4", 5126);
+    more_meshes += ",{\"name\":\"broken\",\"primitives\":[{\"attributes\":{\"POSITION\":" + std::to_string(at_corners) +
+                   ",\"JOINTS_0\":" + std::to_string(at_joint) + ",\"WEIGHTS_0\":" + std::to_string(at_weight) + "}}]}";
+    more_nodes += std::string(",{\"name\":\"torn\",\"mesh\":") + (tube.crate ? "2" : "1") + ",\"skin\":1}";
+    more_skins = ",{\"name\":\"bad\",\"joints\":[1,2]}";
+    roots += tube.crate ? ",4" : ",3";
   }
   for (const float y : {0.0F, -1.0F})
     for (int k = 0; k < 16; ++k) detail::put(binds, k % 5 == 0 ? 1.0F : k == 13 ? y : 0.0F);
@@ -150,15 +191,18 @@ void put(std::string& bytes, T value) {
   const std::string uri =
       tube.as_json ? ",\"uri\":\"data:application/octet-stream;base64," + base64_of(bin) + "\"" : std::string();
   const std::string json =
-      "{\"asset\":{\"version\":\"2.0\",\"generator\":\"a test\"},\"scene\":0,\"scenes\":[{\"nodes\":[0,1]}],"
-      "\"nodes\":[{\"name\":\"body\",\"mesh\":0,\"skin\":0},{\"name\":\"lower\",\"children\":[2]},"
+      "{\"asset\":{\"version\":\"2.0\",\"generator\":\"a test\"},\"scene\":0,\"scenes\":[{\"nodes\":[" + roots +
+      "]}],"
+      "\"nodes\":[{\"name\":\"body\",\"mesh\":0" +
+      (tube.skinned ? ",\"skin\":0" : "") +
+      "},{\"name\":\"lower\",\"children\":[2]},"
       "{\"name\":\"upper\",\"translation\":[0,1.0,0]" +
-      std::string(tube.cycle ? ",\"children\":[1]" : "") + "}],\"meshes\":[{\"name\":\"tube\",\"primitives\":[" +
-      primitives +
-      "],\"weights\":[0.0]}],\"materials\":[{\"name\":\"red\"},{\"name\":\"blue\"}],"
+      std::string(tube.cycle ? ",\"children\":[1]" : "") + "}" + more_nodes +
+      "],\"meshes\":[{\"name\":\"tube\",\"primitives\":[" + primitives + "],\"weights\":[0.0]}" + more_meshes +
+      "],\"materials\":[{\"name\":\"red\"},{\"name\":\"blue\"}],"
       "\"skins\":[{\"joints\":[1,2],\"inverseBindMatrices\":" +
-      std::to_string(at_binds) +
-      "}],\"animations\":[{\"name\":\"bow\",\"channels\":[{\"sampler\":0,\"target\":{\"node\":2,\"path\":\"rotation\"}}"
+      std::to_string(at_binds) + "}" + more_skins +
+      "],\"animations\":[{\"name\":\"bow\",\"channels\":[{\"sampler\":0,\"target\":{\"node\":2,\"path\":\"rotation\"}}"
       "],"
       "\"samplers\":[{\"input\":" +
       std::to_string(at_times) + ",\"output\":" + std::to_string(at_turns) + "}]}],\"accessors\":[" + accessors +

@@ -15,26 +15,38 @@ enum class GltfPoses : std::uint8_t {
 struct GltfRemeshOptions {
   /// `quads` counts the quads of all skins together, `poses` is set by `pose_source`.
   RemeshOptions remesh;
+  /// `strict`: a part that cannot be remeshed is an error.
   PrepareOptions prepare;
+  GltfSelection selection;
   GltfPoses pose_source = GltfPoses::bends;
   Index most_poses = 64;  ///< of clips
   /// Shells whose share of the count is smaller are left as the triangles they are.
   double least_shell_quads = 6;
+  /// Each vertex tells where it lies on the input, as the attribute _SOURCE (docs/gltf.md).
+  bool source_map = false;
 };
 
-/// What became of one skin's surface.
+/// A part that was to be remeshed, could not be, and stays as the triangles it is.
+struct GltfFailure {
+  std::string part;  ///< "skins[0] 'body'", or a shell of it: "skins[0] 'body', shell 3 (meshes[1], 120 triangles)"
+  Error reason;
+};
+
+/// What became of one surface.
 struct GltfRemeshed {
   GltfSurface surface;
-  RemeshResult result;            ///< of the shells that were remeshed; `source` refers to `remeshed`
-  TriangleMesh<double> remeshed;  ///< those shells
-  Index passed_shells = 0, passed_triangles = 0;
+  RemeshResult result;                            ///< of the shells that were remeshed; `source` refers to `remeshed`
+  TriangleMesh<double> remeshed;                  ///< those shells
+  Index passed_shells = 0, passed_triangles = 0;  ///< too small, or failed
+  std::vector<GltfFailure> failures;
   Index written_vertices = 0, written_primitives = 0;  ///< vertices count once more along seams
 };
 
-/// Remeshes every skinned surface of the document and puts the quads in the place of its triangles, each as two
+/// Remeshes the surfaces that `selection` tells and puts the quads in the place of their triangles, each as two
 /// triangles that begin with the same vertex. Joints, inverse bind matrices, clips, materials, other meshes and nodes
-/// stay as they are.
-/// \fails as gltf_surfaces and remesh do; then the document is unchanged
+/// stay as they are. A shell or a surface that cannot be remeshed stays as it is, with its reason.
+/// \fails as gltf_surfaces and remesh do where no part at all could be remeshed; at an option that cannot be; when
+///   cancelled; under `strict` at the first part that fails. Then the document is unchanged.
 [[nodiscard]] Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const GltfRemeshOptions& options,
                                                               Context& context);
 

@@ -18,6 +18,8 @@ struct Session {
   bool quiet = false;
   unsigned threads = 0;
   Context context;
+  /// Done, but for parts that failed and stay as they were: an exit code of its own.
+  bool in_part = false;
 
   /// Connects the context to the terminal and to Ctrl-C. \pre options are parsed
   void begin(const std::atomic<bool>& interrupted);

@@ -28,7 +28,8 @@ constexpr const char* examples = R"(Examples:
       the directions alone
 
 Exit codes: 0 done, 1 internal error or out of memory, 2 bad option, 3 file not readable or writable,
-4 unusable input, 5 not supported, 6 numeric failure, 7 a stage found no valid result, 8 cancelled.
+4 unusable input, 5 not supported, 6 numeric failure, 7 a stage found no valid result, 8 cancelled,
+9 done, but parts of a glTF file could not be remeshed and stay as they were.
 Nothing is written unless everything is.)";
 
 int run(int argc, char** argv) {
@@ -68,7 +69,7 @@ int run(int argc, char** argv) {
   if (!session.quiet)
     for (const Warning& warning : session.context.warnings)
       std::fprintf(stderr, "quadrig: warning: %s: %s\n", warning.stage.c_str(), warning.text.c_str());
-  if (status) return 0;
+  if (status) return session.in_part ? 9 : 0;
   std::fprintf(stderr, "quadrig: %s\n", status.error().message().c_str());
   return cli::exit_code(status.error().code);
 }

@@ -1,6 +1,4 @@
 // quadrig remesh: the whole way.
-#include "command.hpp"
-#include "quadrig/pipeline.hpp"
 #include "remesh_gltf.hpp"
 
 namespace quadrig::cli {
@@ -16,6 +14,9 @@ struct Options {
   std::filesystem::path output, report, weights_out, quads_out;
   bool binary_weights = false;
   std::string poses = "bends";
+  std::vector<Index> quads;
+  GltfSelection selection;
+  bool source_map = false;
 };
 
 Json options_json(const Options& o) {
@@ -62,9 +63,14 @@ Status remesh_files(Options options, Session& session) {
   if (gltf && (!weights_out.empty() || !input.files.rig.empty()))
     return Error{ErrorCode::bad_option, "a glTF file has its rig and weights within", input.files.mesh.string(),
                  "leave out --rig, --weights and --weights-out"};
-  if (!gltf && (!options.quads_out.empty() || options.poses != "bends"))
-    return Error{ErrorCode::bad_option, "--quads-out and --poses are for glTF files", input.files.mesh.string(),
-                 "leave them out"};
+  if (!gltf && (!options.quads_out.empty() || options.poses != "bends" || options.source_map ||
+                options.selection.unskinned || !options.selection.names.empty()))
+    return Error{ErrorCode::bad_option, "--quads-out, --poses, --select, --all and --source-map are for glTF files",
+                 input.files.mesh.string(), "leave them out"};
+  if (!gltf && options.quads.size() > 1)
+    return Error{ErrorCode::bad_option, "several counts are for glTF files", input.files.mesh.string(), "give one"};
+  if (options.quads.empty()) return Error{ErrorCode::bad_option, "is empty", "--quads", "give a count"};
+  options.remesh.quads = options.quads.front();
   if (!weights_out.empty() && input.files.rig.empty())
     return Error{ErrorCode::bad_option, "weights asked of an asset without a rig", weights_out.string(),
                  "give --rig and --weights"};
@@ -81,10 +87,21 @@ Status remesh_files(Options options, Session& session) {
   if (options.crease_degrees > 0) options.remesh.crease_angle_radians = options.crease_degrees * std::numbers::pi / 180;
   if (Status status = options.remesh.validate(); !status) return status;
 
-  if (gltf)
-    return remesh_gltf_file({input.files.mesh, options.output, options.report, options.quads_out, options.remesh,
-                             input.load.prepare, options.poses == "clips", options_json(options)},
-                            session);
+  if (gltf) {
+    GltfJob job;
+    job.input = input.files.mesh;
+    job.output = options.output;
+    job.report = options.report;
+    job.quads_out = options.quads_out;
+    job.quads = options.quads;
+    job.options.remesh = options.remesh;
+    job.options.prepare = input.load.prepare;
+    job.options.selection = options.selection;
+    job.options.pose_source = options.poses == "clips" ? GltfPoses::clips : GltfPoses::bends;
+    job.options.source_map = options.source_map;
+    job.options_json = options_json(options);
+    return remesh_gltf_file(job, session);
+  }
 
   const Stopwatch watch;
   const Expected<LoadedAsset> loaded = load(input, session);
@@ -155,7 +172,12 @@ void add_remesh(CLI::App& app, Run& run) {
   RemeshOptions& remesh = options->remesh;
   CLI::App* verb = app.add_subcommand("remesh", "Quads that follow the rig, with the rig's weights");
   add_input(*verb, options->input);
-  verb->add_option("--quads", remesh.quads, "How many quads")->required()->type_name("N");
+  verb->add_option("--quads", options->quads, "How many quads; of a glTF file several, one file a level of detail")
+      ->required()
+      ->delimiter(',')
+      ->expected(1, 16)
+      ->allow_extra_args(false)
+      ->type_name("N[,N…]");
   verb->add_option("-o,--output", options->output, "The quads; of a glTF file the whole file")
       ->required()
       ->type_name("OUT.obj|.glb|.gltf");
@@ -213,6 +235,16 @@ void add_remesh(CLI::App& app, Run& run) {
       ->type_name("bends|clips")
       ->group(group);
 
+  const std::string parts = "Parts of a glTF file";
+  verb->add_option("--select", options->selection.names,
+                   "Only these: a name or regular expression of a mesh, node, material or skin; may be repeated")
+      ->allow_extra_args(false)
+      ->type_name("NAME")
+      ->group(parts);
+  verb->add_flag("--all", options->selection.unskinned, "Meshes that no skin moves too")->group(parts);
+  verb->add_flag("--source-map", options->source_map, "Each vertex tells where it lies on the input, as _SOURCE")
+      ->group(parts);
+
   const std::string expert = "For experts";
   verb->add_option("--count-tolerance", remesh.count_tolerance, "How far off the count may be")
       ->capture_default_str()
@@ -222,6 +254,8 @@ void add_remesh(CLI::App& app, Run& run) {
   verb->footer(R"(Examples:
   quadrig remesh arm.obj --rig arm.tgf --weights arm.dmat --quads 2000 -o quads.obj --weights-out quads.dmat
   quadrig remesh knight.glb --quads 4000 -o quads.glb --quads-out quads.obj
+  quadrig remesh knight.glb --quads 8000,4000,2000 -o knight.glb    (knight_LOD0.glb, knight_LOD1.glb, knight_LOD2.glb)
+  quadrig remesh crate.glb --quads 500 --select 'Crate.*' -o quads.glb
   quadrig remesh bunny.off --quads 5000 -o quads.obj --report report.json
   quadrig remesh fandisk.off --quads 3000 --creases 40 -o quads.obj
   quadrig remesh arm.obj --rig arm.tgf --weights arm.dmat --quads 2000 --density posed --joint-weight 8 -o quads.obj

@@ -1,12 +1,10 @@
-// quadrig remesh of a glTF file: the skinned surfaces become quads, all else stays.
-#include "quadrig/gltf.hpp"
-
+// quadrig remesh of a glTF file: its surfaces become quads, all else stays.
 #include "remesh_gltf.hpp"
 
 namespace quadrig::cli {
 namespace {
 
-/// All skins together, as the report of one surface.
+/// All surfaces together, as the report of one surface.
 RemeshReport together(std::span<const GltfRemeshed> all) {
   RemeshReport sum;
   sum.valid = true;
@@ -36,6 +34,10 @@ RemeshReport together(std::span<const GltfRemeshed> all) {
   return sum;
 }
 
+Index joints_of(const GltfRemeshed& one) {
+  return one.surface.asset.rig ? one.surface.asset.rig->skeleton.bone_count() : 0;
+}
+
 Json input_json(const std::filesystem::path& path, std::span<const GltfRemeshed> all) {
   Index vertices = 0, faces = 0, bones = 0, components = 0, doubled = 0;
   bool closed = true;
@@ -44,7 +46,7 @@ Json input_json(const std::filesystem::path& path, std::span<const GltfRemeshed>
     const TriangleMesh<double>& mesh = one.surface.asset.mesh;
     vertices += mesh.vertex_count();
     faces += mesh.face_count();
-    bones += one.surface.asset.rig->skeleton.bone_count();
+    bones += joints_of(one);
     components += one.surface.prepared.components;
     doubled += one.surface.prepared.doubled_vertices;
     closed = closed && mesh.closed();
@@ -61,21 +63,28 @@ Json input_json(const std::filesystem::path& path, std::span<const GltfRemeshed>
           {"repairs", repairs}};
 }
 
-Json skins_json(std::span<const GltfRemeshed> all) {
-  Json skins = Json::array();
-  for (const GltfRemeshed& one : all)
-    skins.push_back({{"skin", one.surface.skin},
-                     {"name", one.surface.name},
-                     {"joints", one.surface.asset.rig->skeleton.bone_count()},
-                     {"quads", one.result.report.quads},
-                     {"passed_shells", one.passed_shells},
-                     {"passed_triangles", one.passed_triangles},
-                     {"written_primitives", one.written_primitives},
-                     {"written_vertices", one.written_vertices}});
-  return skins;
+Json surfaces_json(std::span<const GltfRemeshed> all) {
+  Json surfaces = Json::array();
+  for (const GltfRemeshed& one : all) {
+    Json failures = Json::array();
+    for (const GltfFailure& failure : one.failures)
+      failures.push_back({{"part", failure.part}, {"reason", failure.reason.message()}});
+    const Index skin = one.surface.skin;
+    surfaces.push_back({{"skin", skin == no_index ? Json(nullptr) : Json(skin)},
+                        {"meshes", one.surface.meshes},
+                        {"name", one.surface.name},
+                        {"joints", joints_of(one)},
+                        {"quads", one.result.report.quads},
+                        {"passed_shells", one.passed_shells},
+                        {"passed_triangles", one.passed_triangles},
+                        {"failures", failures},
+                        {"written_primitives", one.written_primitives},
+                        {"written_vertices", one.written_vertices}});
+  }
+  return surfaces;
 }
 
-/// All quads in one mesh; skins whose meshes lie in spaces of their own keep them.
+/// All quads in one mesh; surfaces whose meshes lie in spaces of their own keep them.
 QuadMesh joined(std::span<const GltfRemeshed> all) {
   QuadMesh mesh;
   Index vertices = 0, quads = 0;
@@ -100,26 +109,20 @@ QuadMesh joined(std::span<const GltfRemeshed> all) {
 
 bool is_gltf(const std::filesystem::path& path) { return gltf_container(path).has_value(); }
 
-Status remesh_gltf_file(const GltfJob& job, Session& session) {
+namespace {
+
+/// One level of detail: adds its outputs to `files` and its line for people to `lines`.
+Status add_level(const GltfJob& job, GltfDocument document, double read_seconds, FileSet& files, std::string& lines,
+                 Session& session) {
   const Stopwatch watch;
-  if (const Expected<GltfContainer> wanted = gltf_container(job.output); !wanted) return wanted.error();
-  session.context.progress("read", 0);
-  Expected<GltfDocument> document = GltfDocument::read(job.input, {}, session.context);
-  if (!document) return document.error();
-  const double read_seconds = watch.seconds();
-  GltfRemeshOptions options;
-  options.remesh = job.remesh;
-  options.prepare = job.prepare;
-  options.pose_source = job.clips ? GltfPoses::clips : GltfPoses::bends;
-  const Expected<std::vector<GltfRemeshed>> all = remesh_gltf(*document, options, session.context);
+  const std::size_t warned = session.context.warnings.size();
+  const Expected<std::vector<GltfRemeshed>> all = remesh_gltf(document, job.options, session.context);
   if (!all) return all.error();
   RemeshReport sum = together(*all);
-  sum.seconds.total = watch.seconds() - read_seconds;
+  sum.seconds.total = watch.seconds();
   if (!sum.valid)
     return Error{ErrorCode::stage_failed, "the quads break a rule of validity", "remesh", "ask for more quads"};
-
-  FileSet files;
-  if (Status status = document->add_to(files, job.output, session.context); !status) return status;
+  if (Status status = document.add_to(files, job.output, session.context); !status) return status;
   if (!job.quads_out.empty())
     if (Status status = files.add(job.quads_out, obj_text(joined(*all))); !status) return status;
   if (!job.report.empty()) {
@@ -128,17 +131,59 @@ Status remesh_gltf_file(const GltfJob& job, Session& session) {
     report["verb"] = "remesh";
     report["input"] = input_json(job.input, *all);
     report["options"] = job.options_json;
-    add_remesh_figures(report, sum, read_seconds, session.context.warnings);
-    report["skins"] = skins_json(*all);
+    add_remesh_figures(report, sum, read_seconds, std::span(session.context.warnings).subspan(warned));
+    report["surfaces"] = surfaces_json(*all);
     if (Status status = files.add(job.report, report.dump(2) + "\n"); !status) return status;
   }
-  if (Status status = files.commit(); !status) return status;
   Index passed = 0;
-  for (const GltfRemeshed& one : *all) passed += one.passed_shells;
-  session.say(job.output.string() + ": " + std::to_string(sum.quads) + " quads, " + std::to_string(sum.irregular) +
-              " irregular vertices, scaled Jacobian " + decimals(sum.scaled_jacobian_average, 3) + " on average and " +
-              decimals(sum.scaled_jacobian_minimum, 3) + " at least, " + decimals(watch.seconds(), 2) + " s" +
-              (passed > 0 ? "; " + std::to_string(passed) + " small shells left as they are" : ""));
+  std::size_t failed = 0;
+  for (const GltfRemeshed& one : *all) {
+    passed += one.passed_shells;
+    failed += one.failures.size();
+  }
+  lines += (lines.empty() ? "" : "\n") + job.output.string() + ": " + std::to_string(sum.quads) + " quads, " +
+           std::to_string(sum.irregular) + " irregular vertices, scaled Jacobian " +
+           decimals(sum.scaled_jacobian_average, 3) + " on average and " + decimals(sum.scaled_jacobian_minimum, 3) +
+           " at least, " + decimals(read_seconds + watch.seconds(), 2) + " s" +
+           (passed > 0 ? "; " + std::to_string(passed) + " shells left as they are" : "") +
+           (failed > 0 ? "; " + std::to_string(failed) + " parts failed" : "");
+  session.in_part = session.in_part || failed > 0;
+  return {};
+}
+
+std::filesystem::path level_name(const std::filesystem::path& path, std::size_t level) {
+  if (path.empty()) return path;
+  std::filesystem::path name = path.stem();
+  name += "_LOD" + std::to_string(level);
+  name += path.extension();
+  return path.parent_path() / name;
+}
+
+}  // namespace
+
+Status remesh_gltf_file(const GltfJob& job, Session& session) {
+  const Stopwatch watch;
+  if (const Expected<GltfContainer> wanted = gltf_container(job.output); !wanted) return wanted.error();
+  session.context.progress("read", 0);
+  const Expected<GltfDocument> document = GltfDocument::read(job.input, {}, session.context);
+  if (!document) return document.error();
+  const double read_seconds = watch.seconds();
+  FileSet files;
+  std::string lines;
+  for (std::size_t level = 0; level < job.quads.size(); ++level) {
+    GltfJob one = job;
+    one.options.remesh.quads = job.quads[level];
+    one.options_json["quads"] = job.quads[level];
+    if (job.quads.size() > 1) {
+      for (std::filesystem::path* path : {&one.output, &one.quads_out, &one.report}) *path = level_name(*path, level);
+      Input input;
+      input.files.mesh = job.input;
+      if (Status status = check_outputs(input, {one.output, one.report, one.quads_out}); !status) return status;
+    }
+    if (Status status = add_level(one, document->copy(), read_seconds, files, lines, session); !status) return status;
+  }
+  if (Status status = files.commit(); !status) return status;
+  session.say(lines);
   return {};
 }
 

@@ -2,20 +2,20 @@
 #pragma once
 
 #include "command.hpp"
-#include "quadrig/pipeline.hpp"
+#include "quadrig/gltf.hpp"
 
 namespace quadrig::cli {
 
 struct GltfJob {
   std::filesystem::path input, output, report, quads_out;
-  RemeshOptions remesh;
-  PrepareOptions prepare;
-  bool clips = false;  ///< poses of the file's clips
+  GltfRemeshOptions options;
+  std::vector<Index> quads;  ///< one count a level of detail
   Json options_json;
 };
 
 /// By the extension.
 [[nodiscard]] bool is_gltf(const std::filesystem::path& path);
+/// Several counts: each level is a file of its own, `_LOD0` and so on before the extension of every output's name.
 [[nodiscard]] Status remesh_gltf_file(const GltfJob& job, Session& session);
 
 /// The figures of a remesh, after the head of its report.

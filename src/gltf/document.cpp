@@ -150,6 +150,7 @@ Expected<GltfDocument> GltfDocument::parse(std::string bytes, const std::filesys
   return GltfDocument(std::move(state));
 }
 
+GltfDocument GltfDocument::copy() const { return GltfDocument(std::make_shared<State>(*state_)); }
 GltfContainer GltfDocument::container() const { return state_->container; }
 std::string GltfDocument::json() const { return state_->edited ? state_->json.dump() : state_->text; }
 bool GltfDocument::edited() const { return state_->edited; }

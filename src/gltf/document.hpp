@@ -126,11 +126,21 @@ struct NewAccessor {
   std::vector<double> low, high;
 };
 [[nodiscard]] std::size_t append_accessor(State& state, const NewAccessor& made);
+/// Every whole number within extensions and extras: what it means is unknown, so it may be any entry's.
+void collect_foreign(const Json& json, bool foreign, std::set<std::size_t>& numbers);
 /// The accessors that meshes, skins and animations refer to.
 [[nodiscard]] std::set<std::size_t> referred_accessors(State& state);
 /// Puts accessors from `first_new` on into the places of those in `before` that nothing refers to any more, so that no
 /// accessor of the old surface is left; the others keep their numbers. Places left over hold a single zero.
 void reuse_accessors(State& state, std::size_t first_new, const std::set<std::size_t>& before);
+
+// compact.cpp
+/// The buffer views that accessors and images refer to.
+[[nodiscard]] std::set<std::size_t> referred_views(State& state);
+/// Takes the bytes out that only views in `before` covered and nothing refers to any more, of buffers within the file;
+/// views from `first_new` on move into their places. Where an extension refers to places of a buffer, nothing is done.
+void drop_unused_bytes(State& state, std::size_t first_new, const std::set<std::size_t>& before);
+
 /// Readies the document for a container: into a .glb the first buffer is embedded. \fails as buffer_bytes
 [[nodiscard]] Status embed_first_buffer(State& state);
 

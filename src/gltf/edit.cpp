@@ -58,7 +58,8 @@ void each_reference(Json& document, function_ref<void(Json&)> visit) {
         }
 }
 
-/// Every whole number within extensions and extras: what it means is unknown, so it may be an accessor's.
+}  // namespace
+
 void collect_foreign(const Json& json, bool foreign, std::set<std::size_t>& numbers) {
   if (json.is_object()) {
     for (const auto& [key, child] : json.items())
@@ -69,8 +70,6 @@ void collect_foreign(const Json& json, bool foreign, std::set<std::size_t>& numb
     if (const auto number = whole(json)) numbers.insert(*number);
   }
 }
-
-}  // namespace
 
 std::set<std::size_t> referred_accessors(State& state) {
   std::set<std::size_t> used;

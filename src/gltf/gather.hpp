@@ -1,8 +1,10 @@
-// The triangles of one skin, of all its primitives together, with everything their vertices carry.
+// The triangles of one surface, of all its primitives together, with everything their vertices carry.
 #pragma once
 
 #include <array>
+#include <map>
 #include <span>
+#include <tuple>
 
 #include "nodes.hpp"
 
@@ -10,7 +12,7 @@ namespace quadrig::gltf {
 
 /// What the vertices of a primitive carry beside position and weights: columns of one matrix.
 struct Attribute {
-  std::string name;  ///< TEXCOORD_0, COLOR_0, NORMAL, _custom; or POSITION of a morph target
+  std::string name;  ///< TEXCOORD_0, COLOR_0, NORMAL, _custom; or POSITION or NORMAL of a morph target
   std::size_t target = no_target;
   Eigen::Index first = 0, width = 0;
   static constexpr std::size_t no_target = static_cast<std::size_t>(-1);
@@ -29,6 +31,7 @@ struct Primitive {
 
 struct Gathered {
   GltfSurface surface;
+  std::optional<Error> failure;  ///< why there is no surface: then only its label and meshes are told
   std::vector<Primitive> primitives;
   std::vector<Attribute> attributes;
   Values values;        ///< gathered vertices × columns of all attributes; 0 where a primitive has not one
@@ -37,11 +40,16 @@ struct Gathered {
   std::vector<Index> triangle_primitive, triangle_number;
   std::vector<Eigen::Affine3d> inverse_bind;  ///< of the joints, mended
   std::vector<Index> corner_vertex;           ///< 3m, gathered vertex of each corner of the prepared surface
+  std::vector<Index> source_triangle;         ///< m, of `triangles`
+
+  [[nodiscard]] Index joints() const { return static_cast<Index>(inverse_bind.size()); }
 };
 
-/// \fails as gltf_surfaces
+/// Surfaces one after another; one that cannot be used has its `failure`.
+/// \fails where the file as a whole cannot be used, the selection cannot be, all surfaces fail, or when cancelled
 [[nodiscard]] Expected<std::vector<Gathered>> gather(State& state, const PrepareOptions& prepare,
-                                                     const GltfClipOptions& clips, Context& context);
+                                                     const GltfClipOptions& clips, const GltfSelection& selection,
+                                                     Context& context);
 
 /// Joint weights of gathered vertices, mended: rows sum to 1.
 struct RawWeights {
@@ -49,5 +57,54 @@ struct RawWeights {
 };
 [[nodiscard]] VertexWeights mend_weights(RawWeights raw, const Triangles& triangles, const Points<double>& positions,
                                          Index joints, GltfRepairs& repairs);
+
+/// Vertices of the corners, or 0 1 2 … where the primitive has no indices. \fails bad_input, unsupported
+[[nodiscard]] Status read_indices(State& state, const Json& primitive, const std::string& where, std::size_t vertices,
+                                  Budget& budget, Cache& cache, std::vector<std::size_t>& list);
+/// How many triangles a list of corners makes, and which: mode 4 triangles, 5 strip, 6 fan.
+[[nodiscard]] inline std::size_t triangle_count(std::size_t mode, std::size_t corners) {
+  return mode == 4 ? corners / 3 : corners < 3 ? 0 : corners - 2;
+}
+[[nodiscard]] inline std::array<std::size_t, 3> triangle_of(std::size_t mode, const std::vector<std::size_t>& list,
+                                                            std::size_t t) {
+  if (mode == 4) return {list[3 * t], list[3 * t + 1], list[3 * t + 2]};
+  if (mode == 6) return {list[0], list[t + 1], list[t + 2]};
+  if (t % 2 == 0) return {list[t], list[t + 1], list[t + 2]};
+  return {list[t + 1], list[t], list[t + 2]};
+}
+
+/// Reads the primitives of one surface one after another.
+class Gatherer {
+ public:
+  /// `joints`: 0 where the surface is not skinned.
+  Gatherer(State& state, Gathered& out, Index joints, Budget& budget, Cache& cache)
+      : state_(state), out_(out), joints_(joints), budget_(budget), cache_(cache) {}
+
+  /// A primitive that is no surface, or has joints where there are none, is passed over.
+  [[nodiscard]] Status add(std::size_t mesh, std::size_t number, const Json& json);
+  [[nodiscard]] Status finish();
+  RawWeights weights;
+
+ private:
+  struct Loose {
+    std::size_t attribute;
+    std::shared_ptr<const Values> values;
+  };
+  [[nodiscard]] Expected<std::shared_ptr<const Values>> attribute(const Json& json, const std::string& where,
+                                                                  std::optional<std::size_t> rows);
+  [[nodiscard]] Status morphs(const Json& targets, const std::string& where, std::size_t vertices, Primitive& primitive,
+                              std::vector<Loose>& loose);
+  [[nodiscard]] std::size_t column(const std::string& name, std::size_t target, Eigen::Index width);
+
+  State& state_;
+  Gathered& out_;
+  Index joints_;
+  Budget& budget_;
+  Cache& cache_;
+  std::vector<Vector3> positions_;
+  std::vector<std::array<Index, 3>> triangles_;
+  std::vector<std::vector<double>> rows_;  // values of each vertex: as many columns as were known when it was added
+  std::map<std::tuple<std::string, std::size_t, Eigen::Index>, std::size_t> columns_;
+};
 
 }  // namespace quadrig::gltf

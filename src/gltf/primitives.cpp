@@ -13,6 +13,8 @@ void put(std::string& bytes, T value) {
   bytes.append(raw, sizeof(T));
 }
 
+constexpr const char* source_name = "_SOURCE";
+
 const char* type_of(Eigen::Index width) {
   static constexpr const char* types[] = {"SCALAR", "VEC2", "VEC3", "VEC4"};
   return types[width - 1];
@@ -64,7 +66,7 @@ Index PrimitiveBuilder::vertex(std::uint64_t key, function_ref<Vertex()> make) {
 }
 
 Json PrimitiveBuilder::write(State& state, const Json& old, const Gathered& gathered, const Primitive& primitive,
-                             Index joints) const {
+                             bool source_map) const {
   const std::size_t count = vertices_.size();
   Json attributes;
   attributes["POSITION"] =
@@ -72,26 +74,27 @@ Json PrimitiveBuilder::write(State& state, const Json& old, const Gathered& gath
   attributes["NORMAL"] =
       append_floats(state, count, 3, false, [&](std::size_t v, Eigen::Index k) { return vertices_[v].normal[k]; });
   Json targets = Json::array();
+  for (std::size_t t = 0; t < primitive.targets; ++t) targets.push_back(Json::object());
   for (const std::size_t a : primitive.attributes) {
     const Attribute& attribute = gathered.attributes[a];
-    if (attribute.name == "NORMAL") continue;
     const bool colour = attribute.name.starts_with("COLOR_"), morph = attribute.target != Attribute::no_target;
+    if (!morph && (attribute.name == "NORMAL" || (source_map && attribute.name == source_name))) continue;
     const std::size_t accessor =
         append_floats(state, count, attribute.width, morph, [&](std::size_t v, Eigen::Index k) {
           const double x = vertices_[v].values[attribute.first + k];
           return colour ? std::clamp(x, 0.0, 1.0) : x;
         });
-    if (morph)
-      targets.push_back(Json{{"POSITION", accessor}});
-    else
-      attributes[attribute.name] = accessor;
+    (morph ? targets[attribute.target] : attributes)[attribute.name] = accessor;
   }
+  if (source_map)
+    attributes[source_name] =
+        append_floats(state, count, 4, false, [&](std::size_t v, Eigen::Index k) { return vertices_[v].source[k]; });
 
   // Influences by four; what is left of 1 after rounding goes to the strongest.
   std::size_t most = 1;
   for (const Vertex& vertex : vertices_) most = std::max(most, vertex.weights.size());
-  const bool wide = joints > 256;
-  for (std::size_t set = 0; 4 * set < most; ++set) {
+  const bool skinned = gathered.joints() > 0, wide = gathered.joints() > 256;
+  for (std::size_t set = 0; skinned && 4 * set < most; ++set) {
     std::string numbers;
     for (const Vertex& vertex : vertices_)
       for (std::size_t k = 4 * set; k < 4 * set + 4; ++k) {

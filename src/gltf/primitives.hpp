@@ -13,7 +13,8 @@ class PrimitiveBuilder {
   struct Vertex {
     Vector3 position, normal;
     Eigen::VectorXd values;                         ///< all columns of Gathered::attributes
-    std::vector<std::pair<Index, double>> weights;  ///< strongest first, sum 1
+    std::vector<std::pair<Index, double>> weights;  ///< strongest first, sum 1; empty without a skin
+    Eigen::Vector4d source;                         ///< of the source map
   };
   /// The number of the vertex that `key` stands for; made where it is new.
   Index vertex(std::uint64_t key, function_ref<Vertex()> make);
@@ -23,7 +24,7 @@ class PrimitiveBuilder {
   [[nodiscard]] Index vertex_count() const { return static_cast<Index>(vertices_.size()); }
   /// Writes accessors and returns the primitive `old` with them in the place of its own.
   [[nodiscard]] Json write(State& state, const Json& old, const Gathered& gathered, const Primitive& primitive,
-                           Index joints) const;
+                           bool source_map) const;
 
  private:
   std::vector<Vertex> vertices_;

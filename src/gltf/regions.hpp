@@ -20,11 +20,12 @@ class Regions {
   /// The primitive that a quad belongs to, that of the surface below its centre, and the values of its corners there:
   /// at their own place or, beyond a seam, at the nearest point on this side. \cost O(faces below the quad)
   [[nodiscard]] QuadValues of_quad(const QuadMesh& quads, Index quad);
+  /// All columns at a point of `mesh`.
+  [[nodiscard]] Eigen::VectorXd values_at(const SurfacePoint& point) const;
   /// Whether two rows are the same in all columns that make seams.
   [[nodiscard]] bool alike(const Eigen::VectorXd& a, const Eigen::VectorXd& b) const;
 
  private:
-  [[nodiscard]] Eigen::VectorXd values_at(const SurfacePoint& point) const;
   [[nodiscard]] SurfaceHit hit(Index face, const Vector3& p) const;
   void spread(Index face, const Vector3& centre, double squared_radius);
 

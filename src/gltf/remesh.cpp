@@ -1,90 +1,14 @@
-// Skinned surfaces into quads, and back into their file.
+// Surfaces into quads, and back into their file.
 #include <algorithm>
 #include <map>
 
 #include "primitives.hpp"
-#include "quadrig/gltf.hpp"
 #include "regions.hpp"
+#include "shells.hpp"
 
 namespace quadrig {
 namespace gltf {
 namespace {
-
-/// Shells of one surface, with the count that each is due.
-struct Shells {
-  Components components;
-  std::vector<double> area;  ///< in the scene
-  std::vector<char> kept;
-  double kept_area = 0;
-};
-
-/// Which shells are remeshed: those whose share of the count is large enough, or the largest of all where none is.
-std::vector<Shells> choose_shells(const std::vector<Gathered>& all, const GltfRemeshOptions& options) {
-  std::vector<Shells> result;
-  double whole = 0;
-  for (const Gathered& one : all) {
-    const TriangleMesh<double>& mesh = one.surface.asset.mesh;
-    Shells shells;
-    shells.components = face_components(mesh);
-    shells.area.assign(at(shells.components.count), 0.0);
-    const double scale = one.surface.world_scale * one.surface.world_scale;
-    for (Index f = 0; f < mesh.face_count(); ++f)
-      shells.area[at(shells.components.of_face[at(f)])] += scale * mesh.area(f);
-    for (const double area : shells.area) whole += area;
-    shells.kept.assign(shells.area.size(), 0);
-    result.push_back(std::move(shells));
-  }
-  Shells* largest_of = nullptr;
-  std::size_t largest = 0;
-  bool any = false;
-  for (Shells& shells : result)
-    for (std::size_t c = 0; c < shells.area.size(); ++c) {
-      shells.kept[c] = options.remesh.quads * shells.area[c] >= options.least_shell_quads * whole;
-      any = any || shells.kept[c];
-      if (!largest_of || shells.area[c] > largest_of->area[largest]) largest_of = &shells, largest = c;
-    }
-  if (!any && largest_of) largest_of->kept[largest] = 1;
-  for (Shells& shells : result)
-    for (std::size_t c = 0; c < shells.area.size(); ++c)
-      if (shells.kept[c]) shells.kept_area += shells.area[c];
-  return result;
-}
-
-/// The kept shells as an asset of their own; `source_face` is filled with the face that each of its faces was.
-Expected<Asset> kept_part(const GltfSurface& surface, const Shells& shells, std::vector<Index>& source_face) {
-  const TriangleMesh<double>& mesh = surface.asset.mesh;
-  std::vector<Index> vertex(at(mesh.vertex_count()), no_index), back;
-  for (Index f = 0; f < mesh.face_count(); ++f)
-    if (shells.kept[at(shells.components.of_face[at(f)])]) source_face.push_back(f);
-  Triangles faces(static_cast<Eigen::Index>(source_face.size()), 3);
-  for (std::size_t k = 0; k < source_face.size(); ++k)
-    for (int i = 0; i < 3; ++i) {
-      const Index v = mesh.faces()(source_face[k], i);
-      if (vertex[at(v)] == no_index) {
-        vertex[at(v)] = static_cast<Index>(back.size());
-        back.push_back(v);
-      }
-      faces(static_cast<Eigen::Index>(k), i) = vertex[at(v)];
-    }
-  Points<double> positions(static_cast<Eigen::Index>(back.size()), 3);
-  const SkinWeights& all = surface.asset.rig->weights;
-  std::vector<Eigen::Triplet<double, Index>> entries;
-  for (std::size_t k = 0; k < back.size(); ++k) {
-    positions.row(static_cast<Eigen::Index>(k)) = mesh.positions().row(back[k]);
-    for (SkinWeights::InnerIterator it(all, back[k]); it; ++it)
-      entries.emplace_back(static_cast<Index>(k), static_cast<Index>(it.col()), it.value());
-  }
-  Expected<TriangleMesh<double>> part = TriangleMesh<double>::create(std::move(positions), std::move(faces));
-  if (!part) return part.error();
-  Asset asset;
-  asset.mesh = std::move(*part);
-  Rig rig;
-  rig.skeleton = surface.asset.rig->skeleton;
-  rig.weights.resize(static_cast<Index>(back.size()), all.cols());
-  rig.weights.setFromTriplets(entries.begin(), entries.end());
-  asset.rig = std::move(rig);
-  return asset;
-}
 
 std::vector<std::pair<Index, double>> strongest(const SkinWeights& weights, Index row, Index influences) {
   std::vector<std::pair<Index, double>> own;
@@ -101,11 +25,11 @@ std::vector<std::pair<Index, double>> strongest(const SkinWeights& weights, Inde
 }
 
 /// Unit normals of the quads' vertices: of the faces around them, by area.
-Points<double> smooth_normals(const QuadMesh& mesh) {
+Points<double> smooth_normals(const QuadMesh& mesh, const Points<double>& positions) {
   Points<double> normals = Points<double>::Zero(mesh.vertex_count(), 3);
   for (Index q = 0; q < mesh.quad_count(); ++q) {
     Vector3 p[4];
-    for (int i = 0; i < 4; ++i) p[i] = mesh.positions.row(mesh.quads(q, i)).transpose();
+    for (int i = 0; i < 4; ++i) p[i] = positions.row(mesh.quads(q, i)).transpose();
     const Vector3 n = (p[2] - p[0]).cross(p[3] - p[1]);
     for (int i = 0; i < 4; ++i) normals.row(mesh.quads(q, i)) += n.transpose();
   }
@@ -137,12 +61,48 @@ struct Job {
   Gathered gathered;
   std::vector<Index> source_face;
   std::vector<PrimitiveBuilder> builders;
+  std::vector<Index> primitive_number;  ///< of each primitive of the surface, counted over all meshes of the file
+};
+
+/// Where a point of the prepared surface lies on the input: primitive, triangle, and the second and third of its
+/// barycentric coordinates there.
+Eigen::Vector4d source_of(const Job& job, Index face, const Vector3& p) {
+  const Gathered& gathered = job.gathered;
+  const Index t = gathered.source_triangle[at(face)];
+  Vector3 corner[3];
+  for (int i = 0; i < 3; ++i) corner[i] = gathered.positions.row(gathered.triangles(t, i)).transpose();
+  const SurfaceHit hit = closest_on_triangle(p, corner[0], corner[1], corner[2]);
+  return {static_cast<double>(job.primitive_number[at(gathered.triangle_primitive[at(t)])]),
+          static_cast<double>(gathered.triangle_number[at(t)]), hit.barycentric[1], hit.barycentric[2]};
+}
+
+/// How the normals of the quads' vertices change with each morph target that has normals: made anew, as the normals
+/// are.
+struct MorphNormals {
+  std::vector<std::pair<Eigen::Index, Points<double>>> changes;  ///< first column, n×3
+
+  MorphNormals(const Gathered& gathered, const QuadMesh& quads, const Points<double>& normals, Regions& regions) {
+    for (const Attribute& attribute : gathered.attributes) {
+      if (attribute.target == Attribute::no_target || attribute.name != "NORMAL") continue;
+      Eigen::Index offset = -1;
+      for (const Attribute& other : gathered.attributes)
+        if (other.target == attribute.target && other.name == "POSITION") offset = other.first;
+      Points<double> moved = quads.positions;
+      for (Index v = 0; v < quads.vertex_count(); ++v)
+        moved.row(v) += regions.values_at(quads.source[at(v)]).segment<3>(offset).transpose();
+      changes.emplace_back(attribute.first, smooth_normals(quads, moved) - normals);
+    }
+  }
+  void put(Index v, Eigen::VectorXd& values) const {
+    for (const auto& [first, change] : changes) values.segment<3>(first) = change.row(v).transpose();
+  }
 };
 
 void add_quads(Job& job, const GltfRemeshed& done, Index influences) {
   const QuadMesh& quads = done.result.mesh;
   Regions regions(job.gathered, done.remeshed, job.source_face);
-  const Points<double> normals = smooth_normals(quads);
+  const Points<double> normals = smooth_normals(quads, quads.positions);
+  const MorphNormals morphs(job.gathered, quads, normals, regions);
   // Values that a vertex has in a primitive: more than one where a seam runs through it.
   std::map<std::pair<Index, Index>, std::vector<Eigen::VectorXd>> variants;
   for (Index q = 0; q < quads.quad_count(); ++q) {
@@ -160,8 +120,12 @@ void add_quads(Job& job, const GltfRemeshed& done, Index influences) {
       if (variant == known.size()) known.push_back(own);
       const std::uint64_t key = static_cast<std::uint64_t>(variant) << 32 | static_cast<std::uint32_t>(v);
       corner[static_cast<std::size_t>(i)] = builder.vertex(key, [&] {
-        return PrimitiveBuilder::Vertex{quads.positions.row(v).transpose(), normals.row(v).transpose(), own,
-                                        strongest(*done.result.weights, v, influences)};
+        const Vector3 p = quads.positions.row(v).transpose();
+        PrimitiveBuilder::Vertex made{p, normals.row(v).transpose(), own, {}, {}};
+        morphs.put(v, made.values);
+        made.source = source_of(job, job.source_face[at(quads.source[at(v)].face)], p);
+        if (done.result.weights) made.weights = strongest(*done.result.weights, v, influences);
+        return made;
       });
     }
     builder.triangle(corner[0], corner[1], corner[2]);
@@ -170,17 +134,15 @@ void add_quads(Job& job, const GltfRemeshed& done, Index influences) {
 }
 
 /// Shells that stay as they are: their triangles with their own vertices and, where the file has them, normals.
-void add_passed(Job& job, const Shells& shells, GltfRemeshed& done, Index influences) {
+void add_passed(Job& job, const Shells& shells, Index influences) {
   const Gathered& gathered = job.gathered;
   const GltfSurface& surface = gathered.surface;
   const TriangleMesh<double>& mesh = surface.asset.mesh;
   Points<double> normals = Points<double>::Zero(mesh.vertex_count(), 3);
   for (Index f = 0; f < mesh.face_count(); ++f)
     for (int i = 0; i < 3; ++i) normals.row(mesh.faces()(f, i)) += mesh.area(f) * mesh.normals().row(f);
-  for (const char kept : shells.kept) done.passed_shells += kept ? 0 : 1;
   for (Index f = 0; f < mesh.face_count(); ++f) {
     if (shells.kept[at(shells.components.of_face[at(f)])]) continue;
-    ++done.passed_triangles;
     const Index number = surface.source_primitive[at(f)];
     const Primitive& primitive = gathered.primitives[at(number)];
     std::array<Index, 3> corner{};
@@ -190,11 +152,15 @@ void add_passed(Job& job, const Shells& shells, GltfRemeshed& done, Index influe
       const std::uint64_t key =
           std::uint64_t{1} << 63 | static_cast<std::uint64_t>(v) << 31 | static_cast<std::uint64_t>(source);
       corner[static_cast<std::size_t>(i)] = job.builders[at(number)].vertex(key, [&] {
-        PrimitiveBuilder::Vertex made{mesh.position(v), normals.row(v).transpose(),
+        PrimitiveBuilder::Vertex made{mesh.position(v),
+                                      normals.row(v).transpose(),
                                       gathered.values.row(source).transpose(),
-                                      strongest(surface.asset.rig->weights, v, influences)};
+                                      {},
+                                      source_of(job, f, mesh.position(v))};
+        if (surface.asset.rig) made.weights = strongest(surface.asset.rig->weights, v, influences);
         for (const std::size_t a : primitive.attributes)
-          if (gathered.attributes[a].name == "NORMAL" && gathered.attributes[a].width == 3)
+          if (gathered.attributes[a].name == "NORMAL" && gathered.attributes[a].target == Attribute::no_target &&
+              gathered.attributes[a].width == 3)
             made.normal = made.values.segment<3>(gathered.attributes[a].first);
         const double length = made.normal.norm();
         made.normal = length > 0 && std::isfinite(length) ? Vector3(made.normal / length) : Vector3::UnitZ();
@@ -207,9 +173,8 @@ void add_passed(Job& job, const Shells& shells, GltfRemeshed& done, Index influe
 
 /// The primitives of the surface's meshes, replaced. A primitive that no quad fell to is left out, unless its mesh
 /// would be left without any.
-void write_back(State& state, const Job& job, GltfRemeshed& done, Context& context) {
+void write_back(State& state, const Job& job, GltfRemeshed& done, bool source_map, Context& context) {
   const Gathered& gathered = job.gathered;
-  const Index joints = gathered.surface.asset.rig->skeleton.bone_count();
   for (const Index m : gathered.surface.meshes) {
     Json& primitives = state.json["meshes"][at(m)]["primitives"];
     std::vector<std::size_t> builder_of(primitives.size(), static_cast<std::size_t>(-1));
@@ -237,13 +202,29 @@ void write_back(State& state, const Job& job, GltfRemeshed& done, Context& conte
         continue;
       }
       const Json old = primitives[k];
-      kept.push_back(builder.write(state, old, gathered, gathered.primitives[builder_of[k]], joints));
+      kept.push_back(builder.write(state, old, gathered, gathered.primitives[builder_of[k]], source_map));
       done.written_vertices += builder.vertex_count();
       ++done.written_primitives;
     }
     state.json["meshes"][at(m)]["primitives"] = std::move(kept);
     state.edited = true;
   }
+}
+
+/// Numbers of a surface's primitives, counted over all meshes of the file.
+/// \fails unsupported where a float cannot hold the number of a triangle
+Status number_primitives(const State& state, Job& job) {
+  const Json& meshes = array_of(state.json, "meshes");
+  std::vector<std::size_t> before(1, 0);
+  for (const Json& mesh : meshes) before.push_back(before.back() + array_of(mesh, "primitives").size());
+  for (const Primitive& primitive : job.gathered.primitives)
+    job.primitive_number.push_back(static_cast<Index>(before[primitive.mesh] + primitive.number));
+  constexpr Index most = 1 << 24;
+  for (const Index number : job.gathered.triangle_number)
+    if (number >= most || before.back() >= at(most))
+      return state.unsupported(job.gathered.surface.label(), "has more than 2^24 triangles in a primitive",
+                               "leave out the source map");
+  return {};
 }
 
 }  // namespace
@@ -257,54 +238,66 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
   if (options.most_poses < 1) return Error{ErrorCode::bad_option, "needs at least one", "most_poses", "give 1 or more"};
   GltfClipOptions clips;
   clips.enabled = options.pose_source == GltfPoses::clips;
-  Expected<std::vector<gltf::Gathered>> gathered = gltf::gather(document.state(), options.prepare, clips, context);
+  gltf::State& state = document.state();
+  Expected<std::vector<gltf::Gathered>> gathered =
+      gltf::gather(state, options.prepare, clips, options.selection, context);
   if (!gathered) return gathered.error();
-  const std::vector<gltf::Shells> shells = gltf::choose_shells(*gathered, options);
+  std::vector<gltf::Shells> shells = gltf::choose_shells(*gathered, options);
   double whole = 0;
   for (const gltf::Shells& one : shells) whole += one.kept_area;
 
   std::vector<GltfRemeshed> all;
   std::vector<gltf::Job> jobs;
+  const Error* failed = nullptr;
+  bool any = false;
   for (std::size_t s = 0; s < gathered->size(); ++s) {
     gltf::Job job;
     job.gathered = std::move((*gathered)[s]);
     job.builders.resize(job.gathered.primitives.size());
+    if (Status status = gltf::number_primitives(state, job); !status && options.source_map) return status.error();
     GltfRemeshed done;
-    if (shells[s].kept_area > 0) {
-      Expected<Asset> part = gltf::kept_part(job.gathered.surface, shells[s], job.source_face);
-      if (!part) return part.error();
-      RemeshOptions remesh_options = options.remesh;
-      remesh_options.quads =
-          std::max<Index>(6, static_cast<Index>(std::lround(options.remesh.quads * shells[s].kept_area / whole)));
-      if (options.pose_source == GltfPoses::clips)
-        remesh_options.poses = clip_poses(job.gathered.surface.asset.rig->clips, options.most_poses);
-      Expected<RemeshResult> result = remesh(*part, remesh_options, context);
-      if (!result) {
-        Error error = result.error();
-        error.where = gltf::numbered("skins", at(job.gathered.surface.skin)) + ", " + error.where;
-        return error;
-      }
-      done.result = std::move(*result);
-      done.remeshed = std::move(part->mesh);
-      gltf::add_quads(job, done, options.remesh.influences);
+    if (job.gathered.failure) {
+      done.failures.push_back({job.gathered.surface.label(), *job.gathered.failure});
+    } else if (shells[s].kept_area > 0) {
+      const double quads = options.remesh.quads * shells[s].kept_area / whole;
+      if (Status status = gltf::remesh_shells(job.gathered, shells[s], quads, options, done, job.source_face, context);
+          !status)
+        return status.error();
     }
-    gltf::add_passed(job, shells[s], done, options.remesh.influences);
+    for (const char kept : shells[s].kept) done.passed_shells += kept ? 0 : 1;
+    for (const Index c : shells[s].components.of_face) done.passed_triangles += shells[s].kept[at(c)] ? 0 : 1;
+    if (shells[s].keeps_any()) {
+      gltf::add_quads(job, done, options.remesh.influences);
+      gltf::add_passed(job, shells[s], options.remesh.influences);
+      any = true;
+    }
     all.push_back(std::move(done));
     jobs.push_back(std::move(job));
   }
-  // From here on nothing fails: the document is edited as a whole.
-  gltf::State& state = document.state();
+  for (std::size_t s = all.size(); s-- > 0;)
+    if (!all[s].failures.empty()) failed = &all[s].failures.front().reason;
+  if (!any && failed) return *failed;
+  for (const GltfRemeshed& done : all)
+    for (const GltfFailure& failure : done.failures)
+      context.warn("gltf", failure.part + " stays as it is: " + failure.reason.message());
+
+  // From here on nothing fails: the document is edited as a whole. A surface without a quad keeps its very bytes.
   const std::set<std::size_t> before = gltf::referred_accessors(state);
-  const std::size_t first_new = gltf::array_of(state.json, "accessors").size();
+  const std::set<std::size_t> views_before = gltf::referred_views(state);
+  const std::size_t first_new = gltf::array_of(state.json, "accessors").size(),
+                    first_view = gltf::array_of(state.json, "bufferViews").size();
   for (std::size_t s = 0; s < jobs.size(); ++s) {
-    gltf::write_back(state, jobs[s], all[s], context);
-    const GltfRepairs& repairs = jobs[s].gathered.surface.repairs;
-    if (repairs.bind_rows > 0 || repairs.singular_binds > 0)
-      state.json["skins"][at(jobs[s].gathered.surface.skin)]["inverseBindMatrices"] =
-          gltf::append_matrices(state, jobs[s].gathered.inverse_bind);
+    if (shells[s].keeps_any()) {
+      gltf::write_back(state, jobs[s], all[s], options.source_map, context);
+      const GltfRepairs& repairs = jobs[s].gathered.surface.repairs;
+      if (repairs.bind_rows > 0 || repairs.singular_binds > 0)
+        state.json["skins"][at(jobs[s].gathered.surface.skin)]["inverseBindMatrices"] =
+            gltf::append_matrices(state, jobs[s].gathered.inverse_bind);
+    }
     all[s].surface = std::move(jobs[s].gathered.surface);
   }
   gltf::reuse_accessors(state, first_new, before);
+  gltf::drop_unused_bytes(state, first_view, views_before);
   return all;
 }
 

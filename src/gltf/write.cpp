@@ -64,7 +64,9 @@ std::string free_name(const std::filesystem::path& place, const std::set<std::st
   const std::string stem = place.stem().string();
   for (std::size_t i = 0;; ++i) {
     // Characters that mean something in a URI are replaced, so that the name is its own URI.
-    std::string name = stem + (i == 0 ? "" : "_" + std::to_string(i)) + ".bin";
+    std::string name = stem;
+    if (i > 0) name.append(1, '_').append(std::to_string(i));
+    name += ".bin";
     for (char& c : name)
       if (!((c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '.' || c == '_' ||
             c == '-'))
@@ -106,7 +108,30 @@ Status embed_first_buffer(State& state) {
   return {};
 }
 
+namespace {
+
+/// The whole document as a .glb; edits it on the way.
+Expected<std::string> as_glb(State& state, bool untouched) {
+  if (!untouched) {
+    if (Status status = embed_first_buffer(state); !status) return status.error();
+    fold_last_buffers(state);
+  }
+  for (std::size_t i = 1; i < state.buffers.size(); ++i)
+    if (state.buffers[i].embedded) {
+      std::string uri = "data:application/octet-stream;base64,";
+      uri += encode_base64(state.buffers[i].bytes);
+      state.json["buffers"][i]["uri"] = std::move(uri);
+    }
+  return glb_bytes(state, untouched);
+}
+
+}  // namespace
 }  // namespace gltf
+
+Expected<std::string> GltfDocument::glb() const {
+  State copy = *state_;
+  return gltf::as_glb(copy, !state_->edited && state_->container == GltfContainer::binary);
+}
 
 Status GltfDocument::add_to(FileSet& files, const std::filesystem::path& place, Context& context) const {
   using gltf::Json;
@@ -116,15 +141,7 @@ Status GltfDocument::add_to(FileSet& files, const std::filesystem::path& place, 
   State copy = *state_;
 
   if (*wanted == GltfContainer::binary) {
-    if (!untouched) {
-      if (Status status = gltf::embed_first_buffer(copy); !status) return status;
-      gltf::fold_last_buffers(copy);
-    }
-    for (std::size_t i = 1; i < copy.buffers.size(); ++i)
-      if (copy.buffers[i].embedded)
-        copy.json["buffers"][i]["uri"] =
-            "data:application/octet-stream;base64," + gltf::encode_base64(copy.buffers[i].bytes);
-    Expected<std::string> bytes = gltf::glb_bytes(copy, untouched);
+    Expected<std::string> bytes = gltf::as_glb(copy, untouched);
     if (!bytes) return bytes.error();
     if (Status status = files.add(place, *bytes); !status) return status;
   }

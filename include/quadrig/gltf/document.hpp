@@ -39,6 +39,9 @@ class GltfDocument {
   [[nodiscard]] static Expected<GltfDocument> parse(std::string bytes, const std::filesystem::path& name,
                                                     const GltfLimits& limits, Context& context);
 
+  /// A document of its own: editing one leaves the other. (Assignment makes two names for one document.)
+  [[nodiscard]] GltfDocument copy() const;
+
   [[nodiscard]] GltfContainer container() const;
   /// The JSON as text: as it was read, until something is edited.
   [[nodiscard]] std::string json() const;
@@ -50,6 +53,10 @@ class GltfDocument {
   /// An image that is not there, or not in the document's folder, is told as a warning and stays where it is.
   /// \fails bad_file; bad_input where a buffer that it names cannot be used
   [[nodiscard]] Status add_to(FileSet& files, const std::filesystem::path& place, Context& context) const;
+
+  /// The document as one .glb in memory: what add_to writes. Images, and buffers beyond the first, that are files stay
+  /// names. \fails as add_to
+  [[nodiscard]] Expected<std::string> glb() const;
 
   struct State;
   /// For the sources of quadrig::io alone.

@@ -15,16 +15,25 @@ struct GltfRepairs {
   [[nodiscard]] std::vector<std::string> sentences() const;
 };
 
+/// Which primitives become surfaces. Without names: all that a skin moves or, in a file where no skin moves a mesh,
+/// all.
+struct GltfSelection {
+  /// Names, or regular expressions (ECMAScript) of whole names. Chosen is a primitive whose material, mesh or skin, or
+  /// a node that has the mesh, is called so; what no skin moves too.
+  std::vector<std::string> names;
+  bool unskinned = false;  ///< meshes that no skin moves too
+};
+
 struct GltfClipOptions {
   double frames_per_second = 30;
   bool enabled = true;
 };
 
 /// The surface of one skin: the triangles of all primitives that it moves, in the space its meshes are in, and its
-/// rig, one bone a joint.
+/// rig, one bone a joint. Or that of one mesh that no skin moves, without a rig.
 struct GltfSurface {
   Asset asset;
-  Index skin = no_index;
+  Index skin = no_index;                ///< no_index: not skinned
   std::string name;                     ///< of the skin or its first mesh
   std::vector<Index> meshes;            ///< of the file
   std::vector<Index> source_primitive;  ///< m, numbers all primitives of `meshes` in order
@@ -32,13 +41,32 @@ struct GltfSurface {
   PrepareReport prepared;
   GltfRepairs repairs;
   double world_scale = 1;  ///< lengths in the scene's rest pose by lengths in mesh space
+
+  /// "skins[0] 'body'" or "meshes[3] 'crate'".
+  [[nodiscard]] std::string label() const;
 };
 
-/// Reads the surface of every skin that moves triangles, with its rig (bones by docs/gltf.md) and sampled clips.
-/// \fails as the document's parts demand; bad_input where no skin moves triangles; unsupported, by name, for geometry
-///   that an extension compresses
+/// Reads the surfaces of a file, those of skins with their rig (bones by docs/gltf.md) and sampled clips.
+/// \fails as the document's parts demand; bad_input where there are no triangles; bad_option where a name of the
+///   selection is no regular expression or nothing is called so; unsupported, by name, for geometry that an extension
+///   compresses and this build does not read
 [[nodiscard]] Expected<std::vector<GltfSurface>> gltf_surfaces(const GltfDocument& document,
                                                                const PrepareOptions& prepare,
-                                                               const GltfClipOptions& clips, Context& context);
+                                                               const GltfClipOptions& clips, Context& context,
+                                                               const GltfSelection& selection = {});
+
+/// One primitive with one attribute, as the file has them.
+struct GltfVertices {
+  Index mesh = no_index, primitive = no_index;  ///< of the file, of the mesh
+  Points<double> positions;                     ///< n×3
+  Triangles triangles;                          ///< strips and fans as triangles
+  Eigen::MatrixXd values;                       ///< n×k; without rows where the primitive has not this attribute
+};
+
+/// Every primitive of every mesh, in order, with the attribute `name`: "_SOURCE" reads a source map back,
+/// "targets[0].NORMAL" a morph target. Primitives that are no triangles have neither positions nor triangles.
+/// \fails bad_input, unsupported as gltf_surfaces
+[[nodiscard]] Expected<std::vector<GltfVertices>> gltf_vertices(const GltfDocument& document, std::string_view name,
+                                                                Context& context);
 
 }  // namespace quadrig

@@ -1,0 +1,98 @@
+// Names and regular expressions against the names of a file.
+#include "select.hpp"
+
+#include <regex>
+
+#include "io/scan.hpp"
+
+namespace quadrig::gltf {
+namespace {
+
+/// A name as it was given, and as an expression where it is one.
+struct Pattern {
+  std::string text;
+  std::optional<std::regex> expression;
+  bool found = false;
+
+  [[nodiscard]] bool matches(const std::string& name) {
+    // The library's matcher recurses once a character: long names are compared only as they are.
+    bool same = name == text;
+    if (!same && expression && name.size() <= 500) {
+      try {
+        same = std::regex_match(name, *expression);
+      } catch (const std::regex_error&) {
+        same = false;  // too costly to decide
+      }
+    }
+    found = found || same;
+    return same;
+  }
+};
+
+}  // namespace
+
+Expected<Selector> Selector::create(const State& state, const GltfSelection& selection,
+                                    const std::vector<std::size_t>& skin_of_mesh) {
+  std::vector<Pattern> patterns;
+  for (const std::string& text : selection.names) {
+    Pattern pattern{text, {}, false};
+    try {
+      pattern.expression.emplace(text, std::regex::ECMAScript);
+    } catch (const std::regex_error&) {
+      pattern.expression.reset();
+    }
+    patterns.push_back(std::move(pattern));
+  }
+  const auto named = [&](const Json& json) {
+    const Json* name = member(json, "name");
+    if (!name || !name->is_string()) return false;
+    bool any = false;
+    for (Pattern& pattern : patterns) any = pattern.matches(name->get_ref<const std::string&>()) || any;
+    return any;
+  };
+  const auto each = [&](const char* array) {
+    std::vector<char> chosen;
+    for (const Json& one : array_of(state.json, array)) chosen.push_back(named(one) ? 1 : 0);
+    return chosen;
+  };
+
+  Selector selector;
+  selector.mesh_ = each("meshes");
+  const std::size_t meshes = selector.mesh_.size();
+  bool any_skinned = false;
+  for (const std::size_t skin : skin_of_mesh) any_skinned = any_skinned || skin != no_skin;
+  std::vector<char> in_scene(meshes, 0);
+  for (const Json& node : array_of(state.json, "nodes")) {
+    const Json* mesh = member(node, "mesh");
+    const auto number = mesh ? whole(*mesh) : std::nullopt;
+    if (!number || *number >= meshes) continue;
+    in_scene[*number] = 1;
+    if (!patterns.empty() && named(node)) selector.mesh_[*number] = 1;
+  }
+  if (patterns.empty()) {
+    for (std::size_t m = 0; m < meshes; ++m)
+      selector.mesh_[m] = skin_of_mesh[m] != no_skin || (in_scene[m] && (selection.unskinned || !any_skinned));
+    return selector;
+  }
+  const std::vector<char> skins = each("skins");
+  for (std::size_t m = 0; m < meshes; ++m)
+    if (skin_of_mesh[m] != no_skin && skins[skin_of_mesh[m]]) selector.mesh_[m] = 1;
+  selector.material_ = each("materials");
+  for (const Pattern& pattern : patterns)
+    if (!pattern.found)
+      return Error{ErrorCode::bad_option,
+                   (pattern.expression ? "no mesh, node, material or skin is called "
+                                       : "is no regular expression, and nothing is called ") +
+                       io::shown(pattern.text),
+                   state.name.string() + ": selection", "give a name of the file"};
+  return selector;
+}
+
+bool Selector::has(std::size_t mesh, const Json& primitive) const {
+  if (mesh_[mesh]) return true;
+  const Json* material = member(primitive, "material");
+  const auto number = material ? whole(*material) : std::nullopt;
+  return number && *number < material_.size() && material_[*number];
+}
+
+}  // namespace quadrig::gltf

@@ -1,0 +1,163 @@
+// Shells chosen, remeshed, and left where they cannot be.
+#include "shells.hpp"
+
+namespace quadrig::gltf {
+
+std::vector<Shells> choose_shells(const std::vector<Gathered>& all, const GltfRemeshOptions& options) {
+  std::vector<Shells> result;
+  double whole = 0;
+  for (const Gathered& one : all) {
+    const TriangleMesh<double>& mesh = one.surface.asset.mesh;
+    Shells shells;
+    shells.components = face_components(mesh);
+    shells.area.assign(at(shells.components.count), 0.0);
+    const double scale = one.surface.world_scale * one.surface.world_scale;
+    for (Index f = 0; f < mesh.face_count(); ++f)
+      shells.area[at(shells.components.of_face[at(f)])] += scale * mesh.area(f);
+    for (const double area : shells.area) whole += area;
+    shells.kept.assign(shells.area.size(), 0);
+    result.push_back(std::move(shells));
+  }
+  Shells* largest_of = nullptr;
+  std::size_t largest = 0;
+  bool any = false;
+  for (Shells& shells : result)
+    for (std::size_t c = 0; c < shells.area.size(); ++c) {
+      shells.kept[c] = options.remesh.quads * shells.area[c] >= options.least_shell_quads * whole;
+      any = any || shells.kept[c];
+      if (!largest_of || shells.area[c] > largest_of->area[largest]) largest_of = &shells, largest = c;
+    }
+  if (!any && largest_of) largest_of->kept[largest] = 1;
+  for (Shells& shells : result)
+    for (std::size_t c = 0; c < shells.area.size(); ++c)
+      if (shells.kept[c]) shells.kept_area += shells.area[c];
+  return result;
+}
+
+Expected<Asset> kept_part(const GltfSurface& surface, const Shells& shells, std::vector<Index>& source_face) {
+  const TriangleMesh<double>& mesh = surface.asset.mesh;
+  std::vector<Index> vertex(at(mesh.vertex_count()), no_index), back;
+  for (Index f = 0; f < mesh.face_count(); ++f)
+    if (shells.kept[at(shells.components.of_face[at(f)])]) source_face.push_back(f);
+  Triangles faces(static_cast<Eigen::Index>(source_face.size()), 3);
+  for (std::size_t k = 0; k < source_face.size(); ++k)
+    for (int i = 0; i < 3; ++i) {
+      const Index v = mesh.faces()(source_face[k], i);
+      if (vertex[at(v)] == no_index) {
+        vertex[at(v)] = static_cast<Index>(back.size());
+        back.push_back(v);
+      }
+      faces(static_cast<Eigen::Index>(k), i) = vertex[at(v)];
+    }
+  Points<double> positions(static_cast<Eigen::Index>(back.size()), 3);
+  for (std::size_t k = 0; k < back.size(); ++k)
+    positions.row(static_cast<Eigen::Index>(k)) = mesh.positions().row(back[k]);
+  Expected<TriangleMesh<double>> part = TriangleMesh<double>::create(std::move(positions), std::move(faces));
+  if (!part) return part.error();
+  Asset asset;
+  asset.mesh = std::move(*part);
+  if (!surface.asset.rig) return asset;
+  const SkinWeights& all = surface.asset.rig->weights;
+  std::vector<Eigen::Triplet<double, Index>> entries;
+  for (std::size_t k = 0; k < back.size(); ++k)
+    for (SkinWeights::InnerIterator it(all, back[k]); it; ++it)
+      entries.emplace_back(static_cast<Index>(k), static_cast<Index>(it.col()), it.value());
+  Rig rig;
+  rig.skeleton = surface.asset.rig->skeleton;
+  rig.weights.resize(static_cast<Index>(back.size()), all.cols());
+  rig.weights.setFromTriplets(entries.begin(), entries.end());
+  asset.rig = std::move(rig);
+  return asset;
+}
+
+namespace {
+
+/// An error of one part alone: the rest of the file can go on.
+bool of_the_part(const Error& error) {
+  return error.code == ErrorCode::stage_failed || error.code == ErrorCode::numeric ||
+         error.code == ErrorCode::bad_input || error.code == ErrorCode::unsupported;
+}
+
+/// "skins[0] 'body', shell 3 (meshes[1], 120 triangles)"
+std::string shell_label(const Gathered& gathered, const Shells& shells, std::size_t shell) {
+  Index triangles = 0, first = no_index;
+  for (std::size_t f = 0; f < shells.components.of_face.size(); ++f)
+    if (at(shells.components.of_face[f]) == shell) {
+      if (first == no_index) first = static_cast<Index>(f);
+      ++triangles;
+    }
+  const Primitive& primitive = gathered.primitives[at(gathered.surface.source_primitive[at(first)])];
+  return gathered.surface.label() + ", shell " + std::to_string(shell) + " (" + numbered("meshes", primitive.mesh) +
+         ", " + std::to_string(triangles) + " triangles)";
+}
+
+}  // namespace
+
+Status remesh_shells(const Gathered& gathered, Shells& shells, double quads, const GltfRemeshOptions& options,
+                     GltfRemeshed& done, std::vector<Index>& source_face, Context& context) {
+  const GltfSurface& surface = gathered.surface;
+  RemeshOptions own = options.remesh;
+  if (!surface.asset.rig && own.preset == FieldPreset::thesis) own.preset = FieldPreset::flat;
+  if (options.pose_source == GltfPoses::clips && surface.asset.rig)
+    own.poses = clip_poses(surface.asset.rig->clips, options.most_poses);
+  const auto count = [](double wanted) { return std::max<Index>(6, static_cast<Index>(std::lround(wanted))); };
+  const auto attempt = [&](const Shells& of, double wanted, Context& with) -> Expected<RemeshResult> {
+    source_face.clear();
+    Expected<Asset> part = kept_part(surface, of, source_face);
+    if (!part) return part.error();
+    own.quads = count(wanted);
+    Expected<RemeshResult> result = remesh(*part, own, with);
+    done.remeshed = std::move(part->mesh);
+    return result;
+  };
+  const auto give_up = [&](std::size_t shell, const Error& reason) {
+    shells.kept[shell] = 0;
+    done.failures.push_back({shell_label(gathered, shells, shell), reason});
+  };
+  const double whole = shells.kept_area;
+  for (int round = 0; shells.keeps_any(); ++round) {
+    Expected<RemeshResult> result = attempt(shells, quads * shells.kept_area / whole, context);
+    if (result) {
+      done.result = std::move(*result);
+      return {};
+    }
+    Error error = result.error();
+    if (!of_the_part(error) || options.prepare.strict) {
+      error.where = surface.label() + (error.where.empty() ? "" : ", " + error.where);
+      return error;
+    }
+    std::vector<std::size_t> kept;
+    for (std::size_t c = 0; c < shells.kept.size(); ++c)
+      if (shells.kept[c]) kept.push_back(c);
+    // Which shell was it? Each is tried alone, once; those that succeed are made again together.
+    bool found = false;
+    for (const std::size_t c : kept) {
+      if (kept.size() == 1 || round > 0) {
+        give_up(c, error);
+        found = true;
+        continue;
+      }
+      Shells alone = shells;
+      alone.kept.assign(shells.kept.size(), 0);
+      alone.kept[c] = 1;
+      Context quiet;
+      quiet.cancel_flag = context.cancel_flag;
+      quiet.threads = context.threads;
+      const Expected<RemeshResult> one = attempt(alone, quads * shells.area[c] / whole, quiet);
+      if (one) continue;
+      if (!of_the_part(one.error())) return one.error();
+      give_up(c, one.error());
+      found = true;
+    }
+    if (!found)
+      for (const std::size_t c : kept) give_up(c, error);
+    shells.kept_area = 0;
+    for (std::size_t c = 0; c < shells.kept.size(); ++c)
+      if (shells.kept[c]) shells.kept_area += shells.area[c];
+  }
+  source_face.clear();
+  done.remeshed = {};
+  return {};
+}
+
+}  // namespace quadrig::gltf

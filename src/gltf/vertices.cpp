@@ -1,0 +1,91 @@
+// Attributes of primitives as the file has them.
+#include "gather.hpp"
+
+namespace quadrig {
+namespace gltf {
+namespace {
+
+/// The accessor that a primitive has under the name, or null.
+const Json* named_accessor(const Json& primitive, std::string_view name) {
+  if (name.starts_with("targets[")) {
+    const auto close = name.find("].");
+    if (close == std::string_view::npos || close == 8 || close > 14) return nullptr;
+    std::size_t number = 0;
+    for (const char digit : name.substr(8, close - 8)) {
+      if (digit < '0' || digit > '9') return nullptr;
+      number = 10 * number + static_cast<std::size_t>(digit - '0');
+    }
+    const Json& targets = array_of(primitive, "targets");
+    return number < targets.size() ? member(targets[number], std::string(name.substr(close + 2)).c_str()) : nullptr;
+  }
+  const Json* attributes = member(primitive, "attributes");
+  return attributes ? member(*attributes, std::string(name).c_str()) : nullptr;
+}
+
+Status read_vertices(State& state, const Json& primitive, const std::string& where, std::string_view name,
+                     Budget& budget, Cache& cache, GltfVertices& out) {
+  const Expected<std::size_t> mode = whole_member(state, primitive, "mode", where, 4);
+  if (!mode) return mode.error();
+  const Json* position = named_accessor(primitive, "POSITION");
+  if (*mode < 4 || *mode > 6 || !position) return {};
+  const auto read = [&](const Json& accessor) -> Expected<std::shared_ptr<const Values>> {
+    const auto number = whole(accessor);
+    if (!number) return state.bad(where, "is not the number of an accessor");
+    return read_cached(state, *number, budget, cache);
+  };
+  const auto points = read(*position);
+  if (!points) return points.error();
+  if ((*points)->cols() != 3) return state.bad(where + ".POSITION", "is not of three numbers");
+  std::vector<std::size_t> list;
+  const auto vertices = static_cast<std::size_t>((*points)->rows());
+  if (Status status = read_indices(state, primitive, where, vertices, budget, cache, list); !status) return status;
+  const auto spend = [&](std::size_t numbers) -> Status {
+    if (numbers > budget.values)
+      return state.bad(where, "asks for more numbers than the limit of " + std::to_string(state.limits.values),
+                       "use a smaller file or raise the limit");
+    budget.values -= numbers;
+    return {};
+  };
+  if (Status status = spend(3 * vertices + 3 * triangle_count(*mode, list.size())); !status) return status;
+  out.positions = **points;
+  out.triangles.resize(static_cast<Eigen::Index>(triangle_count(*mode, list.size())), 3);
+  for (Eigen::Index t = 0; t < out.triangles.rows(); ++t) {
+    const auto own = triangle_of(*mode, list, static_cast<std::size_t>(t));
+    for (int i = 0; i < 3; ++i) out.triangles(t, i) = static_cast<Index>(own[static_cast<std::size_t>(i)]);
+  }
+  const Json* wanted = named_accessor(primitive, name);
+  if (!wanted) return {};
+  const auto values = read(*wanted);
+  if (!values) return values.error();
+  if ((*values)->rows() != (*points)->rows()) return state.bad(where, "has attributes of different counts");
+  if (Status status = spend(static_cast<std::size_t>((*values)->size())); !status) return status;
+  out.values = **values;
+  return {};
+}
+
+}  // namespace
+}  // namespace gltf
+
+Expected<std::vector<GltfVertices>> gltf_vertices(const GltfDocument& document, std::string_view name,
+                                                  Context& context) {
+  gltf::State& state = document.state();
+  gltf::Budget budget{state.limits.values};
+  gltf::Cache cache;
+  std::vector<GltfVertices> all;
+  const gltf::Json& meshes = gltf::array_of(state.json, "meshes");
+  for (std::size_t m = 0; m < meshes.size(); ++m) {
+    const gltf::Json& primitives = gltf::array_of(meshes[m], "primitives");
+    for (std::size_t p = 0; p < primitives.size(); ++p) {
+      if (context.cancelled()) return cancelled_error("gltf");
+      GltfVertices& one = all.emplace_back();
+      one.mesh = static_cast<Index>(m);
+      one.primitive = static_cast<Index>(p);
+      const std::string where = gltf::numbered("meshes", m) + "." + gltf::numbered("primitives", p);
+      if (Status status = gltf::read_vertices(state, primitives[p], where, name, budget, cache, one); !status)
+        return status.error();
+    }
+  }
+  return all;
+}
+
+}  // namespace quadrig

@@ -1,0 +1,47 @@
+#include "cli/run_command.hpp"
+#include "gltf_tube.hpp"
+
+using namespace quadrig;
+using namespace quadrig::test;
+
+namespace {
+
+bool has(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
+
+}  // namespace
+
+TEST_CASE("command: a part of a glTF file that fails stays, is told, and is exit code 9", "[cli][gltf][fast]") {
+  const ScratchFolder folder("gltf-command");
+  write_text(folder / "in.glb", tube_file({.broken = true}));
+  const CommandResult done = run_quadrig(folder, "remesh in.glb --quads 200 -o out.glb --report r.json");
+  INFO(done.error);
+  CHECK(done.exit_code == 9);
+  CHECK(has(done.error, "skins[1] 'bad' stays as it is: "));
+  CHECK(has(done.error, "not finite"));
+  CHECK(has(read_text(folder / "r.json"), "\"part\": \"skins[1] 'bad'\""));
+  CHECK(run_quadrig(folder, "copy out.glb copy.gltf").exit_code == 0);
+  const CommandResult strict = run_quadrig(folder, "remesh in.glb --quads 200 -o strict.glb --strict");
+  CHECK(strict.exit_code == 4);
+  CHECK(!std::filesystem::exists(folder / "strict.glb"));
+}
+
+TEST_CASE("command: several counts make one file each, all or none", "[cli][gltf][fast]") {
+  const ScratchFolder folder("gltf-command");
+  write_text(folder / "in.glb", tube_file());
+  const CommandResult done =
+      run_quadrig(folder, "remesh in.glb --quads 300,150 -o out.glb --report r.json --quads-out q.obj");
+  INFO(done.error);
+  CHECK(done.exit_code == 0);
+  CHECK(names_in(folder.path()) == std::vector<std::string>{"in.glb", "out_LOD0.glb", "out_LOD1.glb", "q_LOD0.obj",
+                                                            "q_LOD1.obj", "r_LOD0.json", "r_LOD1.json"});
+  CHECK(has(read_text(folder / "r_LOD1.json"), "\"quads\": 150"));
+  const std::vector<std::string> before = names_in(folder.path());
+  CHECK(run_quadrig(folder, "remesh in.glb --quads 300,2 -o new.glb").exit_code == 2);
+  CHECK(run_quadrig(folder, "remesh q_LOD0.obj --quads 300,200 -o new.obj").exit_code == 2);
+  CHECK(run_quadrig(folder, "remesh q_LOD0.obj --quads 300 --select a -o new.obj").exit_code == 2);
+  CHECK(run_quadrig(folder, "remesh in.glb --quads 300 --select nobody -o new.glb").exit_code == 2);
+  CHECK(names_in(folder.path()) == before);
+  const CommandResult one = run_quadrig(folder, "remesh in.glb --quads 150 --select tube --source-map -o one.glb");
+  CHECK(one.exit_code == 0);
+  CHECK(has(read_text(folder / "one.glb"), "\"_SOURCE\""));
+}
