@@ -1,0 +1,79 @@
+// glTF in memory and in files.
+#include "quadrig/gltf.hpp"
+#include "job.hpp"
+
+using namespace quadrig;
+
+struct quadrig_bytes {
+  std::string bytes;
+};
+
+namespace {
+
+/// Edits the document. \return quadrig_ok or quadrig_done_in_part
+Expected<quadrig_status> remesh_document(GltfDocument& document, const quadrig_options* given, Context& context) {
+  const Expected<quadrig_options> options = c::read_options(given);
+  if (!options) return options.error();
+  const Expected<RemeshOptions> remesh = c::remesh_options(*options);
+  if (!remesh) return remesh.error();
+  GltfRemeshOptions own;
+  own.remesh = *remesh;
+  own.prepare.strict = options->strict != 0;
+  own.pose_source = options->clips ? GltfPoses::clips : GltfPoses::bends;
+  own.source_map = options->source_map != 0;
+  own.selection.unskinned = options->unskinned != 0;
+  for (std::uint32_t i = 0; i < options->select_count; ++i) {
+    if (!options->select || !options->select[i]) return c::null_argument("options.select");
+    own.selection.names.emplace_back(options->select[i]);
+  }
+  const Expected<std::vector<GltfRemeshed>> all = remesh_gltf(document, own, context);
+  if (!all) return all.error();
+  for (const GltfRemeshed& one : *all)
+    if (!one.failures.empty()) return quadrig_done_in_part;
+  return quadrig_ok;
+}
+
+}  // namespace
+
+extern "C" {
+
+const void* quadrig_bytes_data(const quadrig_bytes* bytes) { return bytes ? bytes->bytes.data() : nullptr; }
+size_t quadrig_bytes_size(const quadrig_bytes* bytes) { return bytes ? bytes->bytes.size() : 0; }
+void quadrig_bytes_destroy(quadrig_bytes* bytes) { delete bytes; }
+
+quadrig_status quadrig_remesh_gltf(quadrig_job* job, const void* data, size_t size, const char* name,
+                                   const quadrig_options* options, quadrig_bytes** glb) {
+  if (glb) *glb = nullptr;
+  return c::guarded(job, [&](Context& context) -> Expected<quadrig_status> {
+    if (!data) return c::null_argument("data");
+    if (!glb) return c::null_argument("glb");
+    Expected<GltfDocument> document =
+        GltfDocument::parse(std::string(static_cast<const char*>(data), size), name ? name : "memory.glb", {}, context);
+    if (!document) return document.error();
+    const Expected<quadrig_status> done = remesh_document(*document, options, context);
+    if (!done) return done;
+    Expected<std::string> bytes = document->glb();
+    if (!bytes) return bytes.error();
+    *glb = new quadrig_bytes{std::move(*bytes)};
+    return done;
+  });
+}
+
+quadrig_status quadrig_remesh_gltf_file(quadrig_job* job, const char* input, const char* output,
+                                        const quadrig_options* options) {
+  return c::guarded(job, [&](Context& context) -> Expected<quadrig_status> {
+    if (!input) return c::null_argument("input");
+    if (!output) return c::null_argument("output");
+    if (const Expected<GltfContainer> wanted = gltf_container(output); !wanted) return wanted.error();
+    Expected<GltfDocument> document = GltfDocument::read(input, {}, context);
+    if (!document) return document.error();
+    const Expected<quadrig_status> done = remesh_document(*document, options, context);
+    if (!done) return done;
+    FileSet files;
+    if (Status status = document->add_to(files, output, context); !status) return status.error();
+    if (Status status = files.commit(); !status) return status.error();
+    return done;
+  });
+}
+
+}  // extern "C"

@@ -1,0 +1,141 @@
+// Remeshing, and the quads into the caller's arrays.
+#include "job.hpp"
+#include "quadrig/closest.hpp"
+
+using namespace quadrig;
+
+/// The result keeps what its source refers to alive by itself: the asset may go first.
+struct quadrig_quads {
+  RemeshResult result;
+  std::vector<std::uint32_t> source;  // triangle or polygon, one a vertex
+  std::vector<double> barycentric;    // 3 a vertex; empty of an asset from files
+};
+
+namespace {
+
+std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+
+void find_sources(const quadrig_asset& asset, quadrig_quads& quads) {
+  const QuadMesh& mesh = quads.result.mesh;
+  const bool given = asset.triangles.rows() > 0;
+  for (Index v = 0; v < mesh.vertex_count(); ++v) {
+    const Index t = asset.source_polygon[at(mesh.source[at(v)].face)];
+    quads.source.push_back(static_cast<std::uint32_t>(t));
+    if (!given) continue;
+    // By place: the door may have turned, welded or flipped the face.
+    const auto corner = [&](int i) -> Vector3 { return asset.positions.row(asset.triangles(t, i)).transpose(); };
+    const SurfaceHit hit = closest_on_triangle(mesh.positions.row(v).transpose(), corner(0), corner(1), corner(2));
+    for (int i = 0; i < 3; ++i) quads.barycentric.push_back(hit.barycentric[i]);
+  }
+}
+
+template <class Out, class Value>
+quadrig_status put(const quadrig_quads* quads, Out* out, std::size_t capacity, std::size_t count, Value value) {
+  if (!quads || (!out && count > 0)) return quadrig_bad_option;
+  if (capacity < count) return quadrig_too_small;
+  for (std::size_t i = 0; i < count; ++i) out[i] = static_cast<Out>(value(i));
+  return quadrig_ok;
+}
+
+}  // namespace
+
+extern "C" {
+
+quadrig_status quadrig_remesh(quadrig_job* job, const quadrig_asset* asset, const quadrig_options* options,
+                              quadrig_quads** quads) {
+  if (quads) *quads = nullptr;
+  return c::guarded(job, [&](Context& context) -> Expected<quadrig_status> {
+    if (!asset) return c::null_argument("asset");
+    if (!quads) return c::null_argument("quads");
+    const Expected<quadrig_options> own = c::read_options(options);
+    if (!own) return own.error();
+    const Expected<RemeshOptions> wanted = c::remesh_options(*own);
+    if (!wanted) return wanted.error();
+    Expected<RemeshResult> result = remesh(*asset->asset, *wanted, context);
+    if (!result) return result.error();
+    auto made = std::make_unique<quadrig_quads>();
+    made->result = std::move(*result);
+    find_sources(*asset, *made);
+    *quads = made.release();
+    return quadrig_ok;
+  });
+}
+
+void quadrig_quads_destroy(quadrig_quads* quads) { delete quads; }
+
+quadrig_status quadrig_quads_figures(const quadrig_quads* quads, quadrig_figures* figures) {
+  if (!quads || !figures || figures->size < 2 * sizeof(size_t)) return quadrig_bad_option;
+  const RemeshReport& report = quads->result.report;
+  quadrig_figures all{};
+  all.quads = at(report.quads);
+  all.vertices = at(report.vertices);
+  all.irregular = at(report.irregular);
+  all.minimum_count = at(report.minimum_count);
+  all.scaled_jacobian_average = report.scaled_jacobian_average;
+  all.scaled_jacobian_minimum = report.scaled_jacobian_minimum;
+  all.seconds = report.seconds.total;
+  c::put_defaults(figures, figures->size, all);
+  return quadrig_ok;
+}
+
+size_t quadrig_quads_count(const quadrig_quads* quads) { return quads ? at(quads->result.mesh.quad_count()) : 0; }
+size_t quadrig_quads_vertex_count(const quadrig_quads* quads) {
+  return quads ? at(quads->result.mesh.vertex_count()) : 0;
+}
+
+quadrig_status quadrig_quads_positions(const quadrig_quads* quads, double* out, size_t capacity) {
+  return put(quads, out, capacity, 3 * quadrig_quads_vertex_count(quads),
+             [&](std::size_t i) { return quads->result.mesh.positions.data()[i]; });
+}
+
+quadrig_status quadrig_quads_positions_f(const quadrig_quads* quads, float* out, size_t capacity) {
+  return put(quads, out, capacity, 3 * quadrig_quads_vertex_count(quads),
+             [&](std::size_t i) { return quads->result.mesh.positions.data()[i]; });
+}
+
+quadrig_status quadrig_quads_indices(const quadrig_quads* quads, uint32_t* out, size_t capacity) {
+  return put(quads, out, capacity, 4 * quadrig_quads_count(quads),
+             [&](std::size_t i) { return quads->result.mesh.quads.data()[i]; });
+}
+
+quadrig_status quadrig_quads_weights(const quadrig_quads* quads, size_t influences, uint32_t* joints, float* weights,
+                                     size_t capacity) {
+  if (!quads || !quads->result.weights || influences == 0 || !joints || !weights) return quadrig_bad_option;
+  const std::size_t vertices = quadrig_quads_vertex_count(quads);
+  if (vertices > 0 && capacity / vertices < influences) return quadrig_too_small;
+  for (std::size_t v = 0; v < vertices; ++v) {
+    // The strongest so far, kept in order in the caller's own array.
+    uint32_t* joint = joints + v * influences;
+    float* weight = weights + v * influences;
+    std::size_t count = 0;
+    for (SkinWeights::InnerIterator it(*quads->result.weights, static_cast<Index>(v)); it; ++it) {
+      const auto value = static_cast<float>(it.value());
+      if (!(value > 0)) continue;
+      std::size_t place = count;
+      while (place > 0 && weight[place - 1] < value) --place;
+      if (place >= influences) continue;
+      count = std::min(count + 1, influences);
+      for (std::size_t k = count - 1; k > place; --k) joint[k] = joint[k - 1], weight[k] = weight[k - 1];
+      joint[place] = static_cast<uint32_t>(it.col());
+      weight[place] = value;
+    }
+    double sum = 0;
+    for (std::size_t k = 0; k < count; ++k) sum += static_cast<double>(weight[k]);
+    for (std::size_t k = 0; k < count; ++k) weight[k] = static_cast<float>(static_cast<double>(weight[k]) / sum);
+    for (std::size_t k = count; k < influences; ++k) joint[k] = 0, weight[k] = 0;
+  }
+  return quadrig_ok;
+}
+
+quadrig_status quadrig_quads_source(const quadrig_quads* quads, uint32_t* triangles, size_t capacity,
+                                    double* barycentric, size_t barycentric_capacity) {
+  if (!quads || (barycentric && quads->barycentric.empty())) return quadrig_bad_option;
+  if ((triangles && capacity < quads->source.size()) ||
+      (barycentric && barycentric_capacity < quads->barycentric.size()))
+    return quadrig_too_small;
+  if (triangles) std::copy(quads->source.begin(), quads->source.end(), triangles);
+  if (barycentric) std::copy(quads->barycentric.begin(), quads->barycentric.end(), barycentric);
+  return quadrig_ok;
+}
+
+}  // extern "C"

@@ -1,0 +1,196 @@
+#include <cstring>
+
+#include "gltf_tube.hpp"
+#include "quadrig/c.h"
+#include "quadrig/gltf.hpp"
+#include "quadrig/samples.hpp"
+#include "test.hpp"
+
+using namespace quadrig;
+using namespace quadrig::test;
+
+namespace {
+
+struct Destroy {
+  void operator()(quadrig_job* p) const { quadrig_job_destroy(p); }
+  void operator()(quadrig_asset* p) const { quadrig_asset_destroy(p); }
+  void operator()(quadrig_quads* p) const { quadrig_quads_destroy(p); }
+  void operator()(quadrig_bytes* p) const { quadrig_bytes_destroy(p); }
+};
+template <class T>
+using Handle = std::unique_ptr<T, Destroy>;
+
+quadrig_options options_for(std::uint32_t quads) {
+  quadrig_options options;
+  quadrig_options_init(&options, sizeof options);
+  options.quads = quads;
+  return options;
+}
+
+std::string message_of(const Handle<quadrig_job>& job) { return quadrig_job_message(job.get()); }
+
+}  // namespace
+
+TEST_CASE("c: arrays go in and the quads that C++ makes come out", "[c][fast]") {
+  Context context;
+  const Expected<Asset> sample = make_sample("pear", 2000, context);
+  REQUIRE(sample.has_value());
+  const TriangleMesh<double>& mesh = sample->mesh;
+  std::vector<quadrig_bone> bones;
+  for (const Bone& bone : sample->rig->skeleton.bones) {
+    quadrig_bone& one = bones.emplace_back();
+    Eigen::Map<Vector3>(one.head) = bone.head;
+    Eigen::Map<Vector3>(one.tail) = bone.tail;
+    one.parent = bone.parent;
+  }
+  std::vector<std::uint32_t> joints;
+  std::vector<float> weights;
+  for (Index v = 0; v < mesh.vertex_count(); ++v)
+    for (std::uint32_t b = 0; b < bones.size(); ++b) {
+      joints.push_back(b);
+      weights.push_back(static_cast<float>(sample->rig->weights.coeff(v, static_cast<Index>(b))));
+    }
+  std::vector<std::uint32_t> triangles(mesh.faces().data(), mesh.faces().data() + mesh.faces().size());
+  quadrig_mesh given;
+  quadrig_mesh_init(&given, sizeof given);
+  given.positions = mesh.positions().data();
+  given.vertex_count = static_cast<std::size_t>(mesh.vertex_count());
+  given.triangles = triangles.data();
+  given.triangle_count = triangles.size() / 3;
+  given.bones = bones.data();
+  given.bone_count = bones.size();
+  given.influences = bones.size();
+  given.joints = joints.data();
+  given.weights = weights.data();
+
+  const Handle<quadrig_job> job(quadrig_job_create());
+  quadrig_asset* made = nullptr;
+  INFO(message_of(job));
+  REQUIRE(quadrig_asset_create(job.get(), &given, &made) == quadrig_ok);
+  const Handle<quadrig_asset> asset(made);
+  CHECK(quadrig_asset_vertex_count(asset.get()) == given.vertex_count);
+  const quadrig_options options = options_for(500);
+  quadrig_quads* result = nullptr;
+  REQUIRE(quadrig_remesh(job.get(), asset.get(), &options, &result) == quadrig_ok);
+  const Handle<quadrig_quads> quads(result);
+
+  // The same by C++, from the same weights as floats.
+  Asset same = *sample;
+  std::vector<Eigen::Triplet<double, Index>> entries;
+  for (Index v = 0; v < mesh.vertex_count(); ++v) {
+    double sum = 0;
+    for (std::size_t b = 0; b < bones.size(); ++b) sum += weights[static_cast<std::size_t>(v) * bones.size() + b];
+    for (std::size_t b = 0; b < bones.size(); ++b)
+      if (const double w = weights[static_cast<std::size_t>(v) * bones.size() + b]; w > 0)
+        entries.emplace_back(v, static_cast<Index>(b), w / sum);
+  }
+  same.rig->weights.setFromTriplets(entries.begin(), entries.end());
+  RemeshOptions wanted;
+  wanted.quads = 500;
+  const Expected<RemeshResult> expected = remesh(same, wanted, context);
+  REQUIRE(expected.has_value());
+  REQUIRE(quadrig_quads_count(quads.get()) == static_cast<std::size_t>(expected->mesh.quad_count()));
+  const std::size_t n = quadrig_quads_vertex_count(quads.get());
+  REQUIRE(n == static_cast<std::size_t>(expected->mesh.vertex_count()));
+  Points<double> positions(static_cast<Eigen::Index>(n), 3);
+  CHECK(quadrig_quads_positions(quads.get(), positions.data(), 3 * n) == quadrig_ok);
+  CHECK((positions - expected->mesh.positions).cwiseAbs().maxCoeff() < 1e-9);
+  std::vector<std::uint32_t> own_joints(n);
+  std::vector<float> own_weights(n);
+  CHECK(quadrig_quads_weights(quads.get(), 1, own_joints.data(), own_weights.data(), n - 1) == quadrig_too_small);
+  CHECK(quadrig_quads_weights(quads.get(), 1, own_joints.data(), own_weights.data(), n) == quadrig_ok);
+  for (std::size_t v = 0; v < n; ++v) {
+    CHECK(own_weights[v] == 1.0F);
+    const auto row = static_cast<Index>(v);
+    CHECK(expected->weights->coeff(row, static_cast<Index>(own_joints[v])) >= 0.5 - 1e-6);
+  }
+}
+
+TEST_CASE("c: what is wrong is a status and a message", "[c][fast]") {
+  const Handle<quadrig_job> job(quadrig_job_create());
+  quadrig_asset* asset = nullptr;
+  quadrig_quads* quads = nullptr;
+  CHECK(quadrig_asset_create(nullptr, nullptr, &asset) == quadrig_bad_option);
+  CHECK(quadrig_asset_create(job.get(), nullptr, &asset) == quadrig_bad_option);
+  CHECK(message_of(job) == "mesh: is null; give one");
+  CHECK(quadrig_remesh(job.get(), nullptr, nullptr, &quads) == quadrig_bad_option);
+  CHECK(quadrig_asset_load(job.get(), "nowhere.obj", nullptr, nullptr, &asset) == quadrig_bad_file);
+  CHECK(message_of(job).find("nowhere.obj") != std::string::npos);
+  CHECK(quadrig_quads_count(nullptr) == 0);
+  CHECK(quadrig_quads_positions(nullptr, nullptr, 0) == quadrig_bad_option);
+  quadrig_job_destroy(nullptr);
+  CHECK(std::string(quadrig_status_name(quadrig_done_in_part)) == "done_in_part");
+
+  const float corners[] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1};
+  std::uint32_t sides[] = {0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3};
+  quadrig_mesh mesh;
+  quadrig_mesh_init(&mesh, sizeof mesh);
+  mesh.positions_f = corners;
+  mesh.vertex_count = 4;
+  mesh.triangles = sides;
+  mesh.triangle_count = 4;
+  // A struct of a later version: members that are zero are fine, others are not known.
+  struct Later {
+    quadrig_mesh mesh;
+    std::uint64_t more;
+  } later{mesh, 0};
+  later.mesh.size = sizeof later;
+  REQUIRE(quadrig_asset_create(job.get(), &later.mesh, &asset) == quadrig_ok);
+  quadrig_asset_destroy(asset);
+  later.more = 1;
+  CHECK(quadrig_asset_create(job.get(), &later.mesh, &asset) == quadrig_bad_option);
+  // One of an earlier version: what it does not have keeps its default.
+  quadrig_options earlier = options_for(100);
+  earlier.size = offsetof(quadrig_options, crease_degrees);
+  earlier.bend_degrees = -1;
+  REQUIRE(quadrig_asset_create(job.get(), &mesh, &asset) == quadrig_ok);
+  CHECK(quadrig_remesh(job.get(), asset, &earlier, &quads) == quadrig_ok);
+  quadrig_quads_destroy(quads);
+  earlier.size = sizeof earlier;
+  CHECK(quadrig_remesh(job.get(), asset, &earlier, &quads) == quadrig_bad_option);
+  CHECK(message_of(job).find("bend_degrees") != std::string::npos);
+  CHECK(quads == nullptr);
+  quadrig_asset_destroy(asset);
+
+  sides[4] = 4;
+  CHECK(quadrig_asset_create(job.get(), &mesh, &asset) == quadrig_bad_input);
+  CHECK(message_of(job).find("triangle 1") != std::string::npos);
+  mesh.size = 0;
+  CHECK(quadrig_asset_create(job.get(), &mesh, &asset) == quadrig_bad_option);
+}
+
+TEST_CASE("c: a glTF file goes from memory to memory", "[c][gltf][fast]") {
+  const Handle<quadrig_job> job(quadrig_job_create());
+  for (const bool broken : {false, true}) {
+    const std::string bytes = tube_file({.broken = broken});
+    quadrig_options options = options_for(200);
+    quadrig_bytes* made = nullptr;
+    const quadrig_status status = quadrig_remesh_gltf(job.get(), bytes.data(), bytes.size(), nullptr, &options, &made);
+    INFO(message_of(job));
+    REQUIRE(status == (broken ? quadrig_done_in_part : quadrig_ok));
+    bool told = false;
+    for (std::size_t i = 0; i < quadrig_job_warning_count(job.get()); ++i)
+      told = told || std::string(quadrig_job_warning(job.get(), i)).find("stays as it is") != std::string::npos;
+    CHECK(told == broken);
+    const Handle<quadrig_bytes> glb(made);
+    Context context;
+    const Expected<GltfDocument> again = GltfDocument::parse(
+        std::string(static_cast<const char*>(quadrig_bytes_data(glb.get())), quadrig_bytes_size(glb.get())), "out.glb",
+        {}, context);
+    REQUIRE(again.has_value());
+    CHECK(again->container() == GltfContainer::binary);
+    const Expected<std::vector<GltfVertices>> vertices = gltf_vertices(*again, "JOINTS_0", context);
+    REQUIRE(vertices.has_value());
+    CHECK((*vertices)[0].triangles.rows() > 100);
+    CHECK((*vertices)[0].values.rows() == (*vertices)[0].positions.rows());
+
+    const char* names[] = {"nobody"};
+    options.select = names;
+    options.select_count = 1;
+    CHECK(quadrig_remesh_gltf(job.get(), bytes.data(), bytes.size(), nullptr, &options, &made) == quadrig_bad_option);
+    CHECK(message_of(job).find("nobody") != std::string::npos);
+    CHECK(made == nullptr);
+  }
+  quadrig_bytes* made = nullptr;
+  CHECK(quadrig_remesh_gltf(job.get(), "glTF", 4, nullptr, nullptr, &made) == quadrig_bad_input);
+}
