@@ -102,3 +102,83 @@ TEST_CASE("field: power fields refuse bad options", "[field][power]") {
   CHECK(where({.fixed = {{20, 1.0}}}) == "power field, fixed");
   CHECK(where({.target_directions = {1.0}}) == "power field, target_directions");
 }
+
+TEST_CASE("field solver: an update of weights is a whole solution, bit for bit, without an analysis", "[field]") {
+  const Asset asset = test::limbed_asset(3, false);
+  const auto m = static_cast<std::size_t>(asset.mesh.face_count());
+  const Connection<double> connection(asset.mesh);
+  const std::vector<double> smoothness = dirichlet_weights(asset.mesh), shrink(m, 0.5);
+  std::mt19937 random(3);
+  const auto number = [&] { return static_cast<double>(random()) / 4294967296.0; };
+  const std::array<FieldSystem::Fixed, 2> fixed{FieldSystem::Fixed{5, Complex(0, 1)}, {77, Complex(1, 0)}};
+  for (const std::string_view backend : solver_names()) {
+    if (!solver_built<Complex>(backend)) continue;
+    INFO(backend);
+    Context context;
+    auto brushed = FieldSolver::create(asset.mesh, connection, solver_factory<Complex>(backend)).value();
+    for (int stroke = 0; stroke < 3; ++stroke) {
+      std::vector<Complex> target(m);
+      std::vector<double> weight(m);
+      for (std::size_t f = 0; f < m; ++f) {
+        target[f] = std::polar(1.0, 6 * number());
+        weight[f] = stroke == 1 && f % 3 != 0 ? 0.0 : number();
+      }
+      const std::array<FieldSystem, 2> systems{
+          FieldSystem{.power = 4, .smoothness = smoothness, .target = target, .target_weight = weight, .fixed = fixed},
+          FieldSystem{.power = 2,
+                      .smoothness = smoothness,
+                      .target = target,
+                      .target_weight = weight,
+                      .shrink = shrink,
+                      .fixed = fixed}};
+      auto whole = FieldSolver::create(asset.mesh, connection, solver_factory<Complex>(backend)).value();
+      const auto wanted = whole.minimize(systems, context);
+      REQUIRE(wanted);
+      if (stroke == 0) {
+        REQUIRE(brushed.minimize(systems, context));
+        continue;
+      }
+      for (std::size_t k = 0; k < 2; ++k) {
+        const auto updated = brushed.update(k, target, weight, context);
+        REQUIRE(updated);
+        CHECK(*updated == wanted.value()[k]);
+        CHECK(updated.value()[5] == fixed[0].value);
+      }
+    }
+    CHECK(brushed.report().analyses == (make_solver<Complex>(backend)->can_clone() ? 1 : 2));
+    CHECK(brushed.report().backend.find(backend) == 0);
+    std::vector<Complex> poisoned(m);
+    poisoned[9] = std::numeric_limits<double>::quiet_NaN();
+    const auto refused = brushed.update(0, poisoned, shrink, context);
+    REQUIRE(!refused);
+    CHECK(refused.error().where.find("row 9") != std::string::npos);
+  }
+}
+
+TEST_CASE("field solver: other fixed faces, the same solution as from the start", "[field]") {
+  const Asset asset = test::limbed_asset(3, false);
+  const auto m = static_cast<std::size_t>(asset.mesh.face_count());
+  const Connection<double> connection(asset.mesh);
+  const std::vector<double> smoothness = dirichlet_weights(asset.mesh), weight(m, 1e-3);
+  const std::vector<Complex> target(m, Complex(1));
+  Context context;
+  auto lasting = FieldSolver::create(asset.mesh, connection).value();
+  std::vector<FieldSystem::Fixed> fixed;
+  for (int change = 0; change < 4; ++change) {
+    // More, others, fewer, and so many others that an order of its own is worth it.
+    fixed.clear();
+    const Index first = change == 3 ? 0 : 100 * change, last = change == 3 ? 400 : first + 20 - 5 * change;
+    for (Index f = first; f < last; ++f) fixed.push_back({f, std::polar(1.0, 0.1 * f)});
+    const FieldSystem system{
+        .power = 4, .smoothness = smoothness, .target = target, .target_weight = weight, .fixed = fixed};
+    const auto again = lasting.minimize(std::span(&system, 1), context);
+    auto fresh = FieldSolver::create(asset.mesh, connection).value();
+    const auto wanted = fresh.minimize(std::span(&system, 1), context);
+    REQUIRE((again && wanted));
+    double worst = 0;
+    for (std::size_t f = 0; f < m; ++f) worst = std::max(worst, std::abs(again.value()[0][f] - wanted.value()[0][f]));
+    CHECK(worst < 1e-10);
+  }
+  CHECK(lasting.report().analyses == 4);
+  CHECK(lasting.report().residual < 1e-12);
+}

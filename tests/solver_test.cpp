@@ -5,6 +5,39 @@
 
 using namespace quadrig;
 
+namespace {
+
+std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+
+// The dual of a strip of triangles, two in each cell: neighbours agree up to a phase, all are drawn to a number.
+template <class K>
+struct Strip {
+  Strip(Index across, Index along, double pull = 0.1) : form(2 * across * along) {
+    const RowTerm rows{"strip", [&](EmitRow<K> emit) {
+                         detail::LawNumbers<K> numbers(3);
+                         const auto link = [&](Index f, Index g) {
+                           K phase = numbers.number();
+                           phase /= std::abs(phase);
+                           emit(Row<K>{std::array<Index, 2>{f, g}, std::array<K, 2>{K(1), -phase}, K{}, 1.0});
+                         };
+                         for (Index i = 0; i < along; ++i)
+                           for (Index j = 0; j < across; ++j) {
+                             const Index f = 2 * (i * across + j);
+                             link(f, f + 1);
+                             if (j + 1 < across) link(f + 1, f + 2);
+                             if (i + 1 < along) link(f, f + 2 * across + 1);
+                             for (const Index g : {f, f + 1})
+                               emit(Row<K>{std::array<Index, 1>{g}, std::array<K, 1>{K(1)}, numbers.number(), pull});
+                           }
+                       }};
+    [[maybe_unused]] const Status status = form.assemble(rows);
+    assert(status.ok());
+  }
+  QuadraticForm<K> form;
+};
+
+}  // namespace
+
 TEMPLATE_TEST_CASE("solver: every backend in this build obeys the laws", "[solver]", float, double, std::complex<float>,
                    std::complex<double>) {
   using K = TestType;
@@ -17,6 +50,67 @@ TEMPLATE_TEST_CASE("solver: every backend in this build obeys the laws", "[solve
     CHECK(status.ok());
     CHECK(make_solver<K>(name)->name() == name);
   }
+}
+
+TEMPLATE_TEST_CASE("solver: multigrid obeys the laws with levels of its own on small systems", "[solver]", float,
+                   double, std::complex<float>, std::complex<double>) {
+  using K = TestType;
+  Context context;
+  const Status status = check_solver_backend<K>([] { return MultigridCg<K>({.tolerance = 1e-13, .coarsest = 4}); },
+                                                context, 2e4 * std::numeric_limits<real_of<K>>::epsilon());
+  INFO((status.ok() ? std::string() : status.error().message()));
+  CHECK(status.ok());
+}
+
+TEMPLATE_TEST_CASE("solver: multigrid takes as many iterations on a large surface as on a small one", "[solver]",
+                   double, std::complex<float>, std::complex<double>) {
+  using K = TestType;
+  Index fewest = 1000, most = 0;
+  for (const Index side : {16, 32, 64, 128}) {
+    const Strip<K> strip(side, side, 1e-6);
+    Context context;
+    MultigridCg<K> solver({.tolerance = 1e-10, .coarsest = 60});
+    REQUIRE(solver.factorize(strip.form.matrix(), context).ok());
+    CHECK(solver.stored_entries() < 20 * static_cast<std::size_t>(strip.form.matrix().size));
+    std::vector<K> x(at(strip.form.matrix().size));
+    const SolveInfo info = solver.solve(strip.form.rhs(), x, context);
+    REQUIRE(info.status.ok());
+    CHECK(info.residual < 1e3 * std::max(1e-10, static_cast<double>(std::numeric_limits<real_of<K>>::epsilon())));
+    fewest = std::min(fewest, info.iterations);
+    most = std::max(most, info.iterations);
+  }
+  CHECK(fewest >= 5);
+  CHECK(most <= 60);
+  CHECK(most <= 2.5 * fewest);
+}
+
+TEST_CASE("solver: the automatic choice is direct while the factor fits, and tells", "[solver]") {
+  const Strip<Complex> strip(30, 30);
+  const auto A = strip.form.matrix();
+  Context context;
+  std::vector<Complex> x(at(A.size));
+  for (const auto& [bytes, wanted] :
+       {std::pair{8e9, "automatic: supernodal, minimum degree"}, {1e5, "automatic: multigrid, 2 levels"}}) {
+    AutomaticSolver<Complex> solver({.factor_bytes = bytes});
+    CHECK(solver.description() == "automatic");
+    REQUIRE(solver.analyze(A, {}, context).ok());
+    REQUIRE(solver.factorize(A, context).ok());
+    CHECK(solver.description() == wanted);
+    CHECK(solver.elimination_order().empty() == (bytes < 1e6));
+    REQUIRE(solver.solve(strip.form.rhs(), x, context).status.ok());
+    CHECK(relative_residual<Complex>(A, x, strip.form.rhs()) < 1e-11);
+  }
+}
+
+TEST_CASE("solver: an iteration that does not end is an error", "[solver]") {
+  const Strip<Complex> strip(30, 30, 1e-6);
+  Context context;
+  MultigridCg<Complex> solver({.max_iterations = 2, .coarsest = 60});
+  REQUIRE(solver.factorize(strip.form.matrix(), context).ok());
+  std::vector<Complex> x(at(strip.form.matrix().size));
+  const SolveInfo info = solver.solve(strip.form.rhs(), x, context);
+  REQUIRE(!info.status.ok());
+  CHECK(info.status.error().code == ErrorCode::numeric);
 }
 
 TEST_CASE("solver: a backend that is not built is an error by name, never another one", "[solver]") {
@@ -37,6 +131,9 @@ TEST_CASE("solver: a backend that is not built is an error by name, never anothe
   REQUIRE(!unknown);
   CHECK(unknown.error().code == ErrorCode::bad_option);
   CHECK(unknown.error().remedy.find("eigen") != std::string::npos);
+  const auto unordered = make_solver<double>("supernodal/alphabetical");
+  REQUIRE(!unordered);
+  CHECK(unordered.error().code == ErrorCode::bad_option);
 }
 
 TEMPLATE_TEST_CASE("solver: a failure names the unknown that caused it", "[solver]", double, std::complex<double>) {
@@ -50,49 +147,191 @@ TEMPLATE_TEST_CASE("solver: a failure names the unknown that caused it", "[solve
                           emit(Row<K>{first, std::span(difference).first(1), K(2), 1});
                         }};
   REQUIRE(form.assemble(springs).ok());  // unknown 2 has no row at all
-  auto solver = make_solver<K>();
-  Context context;
-  const Status status = solver->prepare(form.matrix(), form.pattern_version(), context);
-  REQUIRE(!status.ok());
-  CHECK(status.error().code == ErrorCode::numeric);
-  CHECK(status.error().where == "solver eigen, unknown 2");
+  for (const std::string_view name : {"supernodal", "eigen", "supernodal/dissection", "eigen/dissection"}) {
+    INFO(name);
+    auto solver = make_solver<K>(name);
+    Context context;
+    form.release(2);
+    REQUIRE(form.assemble(springs).ok());
+    const Status status = solver->prepare(form.matrix(), form.pattern_version(), context);
+    REQUIRE(!status.ok());
+    CHECK(status.error().code == ErrorCode::numeric);
+    CHECK(status.error().where == "solver " + std::string(solver->name()) + ", unknown 2");
 
-  form.fix(2, K(7));
-  REQUIRE(form.assemble(springs).ok());
-  REQUIRE(solver->prepare(form.matrix(), form.pattern_version(), context).ok());
-  std::vector<K> x(4);
-  REQUIRE(solver->solve(form.rhs(), x, context).status.ok());
-  const std::vector<K> z = form.expand(x);
-  const std::array<K, 5> wanted{K(2), K(1), K(7), K(0), K(-1)};
-  for (std::size_t i = 0; i < z.size(); ++i) CHECK(std::abs(z[i] - wanted[i]) < 1e-12);
+    form.fix(2, K(7));
+    REQUIRE(form.assemble(springs).ok());
+    REQUIRE(solver->prepare(form.matrix(), form.pattern_version(), context).ok());
+    std::vector<K> x(4);
+    REQUIRE(solver->solve(form.rhs(), x, context).status.ok());
+    const std::vector<K> z = form.expand(x);
+    const std::array<K, 5> wanted{K(2), K(1), K(7), K(0), K(-1)};
+    for (std::size_t i = 0; i < z.size(); ++i) CHECK(std::abs(z[i] - wanted[i]) < 1e-12);
+  }
 }
 
 TEST_CASE("solver: a copy has the analysis and numbers of its own", "[solver]") {
-  const detail::LawSystem<Complex> system(50, 3);
-  const auto A = system.matrix(1), B = system.matrix(2);
-  Context context;
-  auto first = make_solver<Complex>().value();
-  REQUIRE(first.can_clone());
-  REQUIRE(first.analyze(A.view(), {}, context).ok());
-  auto second = first.clone();
-  REQUIRE(first.factorize(A.view(), context).ok());
-  REQUIRE(second.factorize(B.view(), context).ok());
-  const std::vector<Complex> b(50, Complex(1, -2));
-  std::vector<Complex> x(50), y(50);
-  REQUIRE(first.solve(b, x, context).status.ok());
-  REQUIRE(second.solve(b, y, context).status.ok());
-  CHECK(relative_residual<Complex>(A.view(), x, b) < 1e-12);
-  CHECK(relative_residual<Complex>(B.view(), y, b) < 1e-12);
+  for (const std::string_view name : {"supernodal", "eigen"}) {
+    const detail::LawSystem<Complex> system(50, 3);
+    const auto A = system.matrix(1), B = system.matrix(2);
+    Context context;
+    auto first = make_solver<Complex>(name).value();
+    REQUIRE(first.can_clone());
+    REQUIRE(first.analyze(A.view(), {}, context).ok());
+    auto second = first.clone();
+    REQUIRE(first.factorize(A.view(), context).ok());
+    REQUIRE(second.factorize(B.view(), context).ok());
+    const std::vector<Complex> b(50, Complex(1, -2));
+    std::vector<Complex> x(50), y(50);
+    REQUIRE(first.solve(b, x, context).status.ok());
+    REQUIRE(second.solve(b, y, context).status.ok());
+    CHECK(relative_residual<Complex>(A.view(), x, b) < 1e-12);
+    CHECK(relative_residual<Complex>(B.view(), y, b) < 1e-12);
+  }
 }
 
 TEST_CASE("solver: an order that is no permutation is refused", "[solver]") {
   const detail::LawSystem<double> system(6, 3);
   const auto A = system.matrix(1);
   Context context;
-  auto solver = make_solver<double>().value();
-  for (const std::vector<Index>& order :
-       {std::vector<Index>{0, 1, 2}, {0, 1, 2, 3, 4, 4}, {0, 1, 2, 3, 4, 6}, {-1, 1, 2, 3, 4, 5}})
-    CHECK(!solver.analyze(A.view(), order, context).ok());
+  for (const std::string_view name : solver_names()) {
+    if (!solver_built<double>(name)) continue;
+    INFO(name);
+    auto solver = make_solver<double>(name).value();
+    for (const std::vector<Index>& order :
+         {std::vector<Index>{0, 1, 2}, {0, 1, 2, 3, 4, 4}, {0, 1, 2, 3, 4, 6}, {-1, 1, 2, 3, 4, 5}})
+      CHECK(!solver.analyze(A.view(), order, context).ok());
+  }
+}
+
+TEMPLATE_TEST_CASE("solver: orderings change nothing but time, at any size", "[solver]", double, std::complex<float>) {
+  using K = TestType;
+  for (const Index side : {1, 3, 9, 30, 70}) {
+    const Strip<K> strip(side, 2 * side);
+    const auto A = strip.form.matrix();
+    std::vector<K> reference(at(A.size)), x(reference.size());
+    Context context;
+    for (const std::string_view name : {"eigen/minimum-degree", "eigen/dissection", "supernodal/minimum-degree",
+                                        "supernodal/dissection", "supernodal"}) {
+      INFO(name << ", " << A.size << " unknowns");
+      auto solver = make_solver<K>(name).value();
+      REQUIRE(solver.analyze(A, {}, context).ok());
+      REQUIRE(solver.factorize(A, context).ok());
+      const SolveInfo info = solver.solve(strip.form.rhs(), x, context);
+      REQUIRE(info.status.ok());
+      CHECK(info.residual < 100 * std::numeric_limits<real_of<K>>::epsilon());
+      CHECK(relative_residual<K>(A, x, strip.form.rhs()) < 100 * std::numeric_limits<real_of<K>>::epsilon());
+      if (name == "eigen/minimum-degree") reference = x;
+      double worst = 0;
+      for (std::size_t i = 0; i < x.size(); ++i)
+        worst = std::max(worst, static_cast<double>(std::abs(x[i] - reference[i])));
+      CHECK(worst < 1e4 * std::numeric_limits<real_of<K>>::epsilon());
+    }
+  }
+}
+
+TEMPLATE_TEST_CASE("solver: our own give the same bits at any number of threads", "[solver]", float, double,
+                   std::complex<float>, std::complex<double>) {
+  using K = TestType;
+  const Strip<K> strip(100, 170);
+  const auto A = strip.form.matrix();
+  std::vector<K> first(at(A.size)), x(first.size());
+  for (const std::string_view name : {"supernodal/dissection", "supernodal/minimum-degree", "multigrid"})
+    for (const unsigned threads : {1u, 2u, 3u, 7u}) {
+      INFO(name << ", " << threads << " threads");
+      Context context;
+      context.threads = threads;
+      auto solver = make_solver<K>(name).value();
+      REQUIRE(solver.analyze(A, {}, context).ok());
+      REQUIRE(solver.factorize(A, context).ok());
+      REQUIRE(solver.solve(strip.form.rhs(), x, context).status.ok());
+      if (threads == 1) first = x;
+      CHECK(x == first);
+    }
+}
+
+TEST_CASE("ordering: a permutation, the same at any number of threads, of any pattern", "[solver]") {
+  const auto check = [](const HermitianView<double>& A) {
+    Context one, many;
+    one.threads = 1;
+    many.threads = 5;
+    const auto dissect = [&](Context& context) {
+      return nested_dissection(A.size, A.column_starts, A.rows, {}, context);
+    };
+    std::vector<Index> order = dissect(one);
+    CHECK(order == dissect(many));
+    std::sort(order.begin(), order.end());
+    bool permutation = order.size() == at(A.size);
+    for (std::size_t i = 0; permutation && i < order.size(); ++i) permutation = order[i] == static_cast<Index>(i);
+    CHECK(permutation);
+  };
+  for (const Index side : {1, 7, 40, 130}) check(Strip<double>(side, side).form.matrix());
+  check(Strip<double>(3, 5000).form.matrix());  // long
+  for (const int kind : {0, 1, 2, 3}) {
+    INFO(kind);
+    constexpr Index n = 4000;
+    const RowTerm rows{"pairs", [&](EmitRow<double> emit) {
+                         const std::array<double, 2> both{1, -0.5};
+                         detail::LawNumbers<double> numbers(5);
+                         for (Index i = 0; i < n; ++i) {
+                           const std::array<Index, 1> at_i{i};
+                           emit(Row<double>{at_i, std::span(both).first(1), 0.0, 1.0});
+                           if (kind == 1 && i > 0) emit(Row<double>{std::array<Index, 2>{0, i}, both, 0.0, 1.0});
+                           if (kind == 2 && i % 5 != 0)
+                             emit(Row<double>{std::array<Index, 2>{i - 1, i}, both, 0.0, 1.0});
+                           if (kind == 3) {
+                             const Index a = numbers.below(n), b = numbers.below(n);
+                             if (a != b) emit(Row<double>{std::array<Index, 2>{a, b}, both, 0.0, 1.0});
+                           }
+                         }
+                       }};  // alone, a star, many chains, at random
+    QuadraticForm<double> form(n);
+    REQUIRE(form.assemble(rows).ok());
+    check(form.matrix());
+    Context context;
+    auto solver = make_solver<double>("supernodal/dissection").value();
+    REQUIRE(solver.analyze(form.matrix(), {}, context).ok());
+    REQUIRE(solver.factorize(form.matrix(), context).ok());
+    const std::vector<double> b(n, 1.0);
+    std::vector<double> x(n);
+    REQUIRE(solver.solve(b, x, context).status.ok());
+    CHECK(relative_residual<double>(form.matrix(), x, b) < 1e-11);
+  }
+}
+
+TEST_CASE("ordering: counts are those of the factor, and dissection is as good as minimum degree", "[solver]") {
+  const Strip<Complex> small(6, 9), large(120, 120);
+  Context context;
+  for (const Ordering ordering : {Ordering::minimum_degree, Ordering::nested_dissection}) {
+    // The factor's entries, one by one.
+    const auto A = small.form.matrix();
+    const EliminationOrder found = elimination_order(A.size, A.column_starts, A.rows, ordering, context);
+    std::vector<std::vector<char>> filled(at(A.size), std::vector<char>(at(A.size), 0));
+    std::vector<Index> position(at(A.size));
+    for (std::size_t k = 0; k < position.size(); ++k) position[at(found.unknowns[k])] = static_cast<Index>(k);
+    for (Index j = 0; j < A.size; ++j)
+      for (Index e = A.column_starts[at(j)]; e < A.column_starts[at(j) + 1]; ++e) {
+        const Index p = position[at(A.rows[at(e)])], q = position[at(j)];
+        filled[at(std::min(p, q))][at(std::max(p, q))] = 1;
+      }
+    double multiplications = 0;
+    for (std::size_t k = 0; k < filled.size(); ++k) {
+      double entries = 0;
+      for (std::size_t i = k + 1; i < filled.size(); ++i) {
+        if (!filled[k][i]) continue;
+        ++entries;
+        for (std::size_t j = i; j < filled.size(); ++j)
+          if (filled[k][j]) filled[i][j] = 1;
+      }
+      multiplications += entries * (entries + 1) / 2;
+    }
+    CHECK(found.multiplications == multiplications);
+  }
+  const auto A = large.form.matrix();
+  const auto work = [&](Ordering ordering) {
+    return elimination_order(A.size, A.column_starts, A.rows, ordering, context).multiplications;
+  };
+  CHECK(work(Ordering::nested_dissection) < 1.25 * work(Ordering::minimum_degree));
+  CHECK(work(Ordering::automatic) <= work(Ordering::minimum_degree));
 }
 
 TEST_CASE("laws: backends that break a promise are found out", "[laws]") {

@@ -159,6 +159,17 @@ class QuadraticForm {
   void add_to_diagonal(Index free_unknown, Real value) {
     matrix_.values[static_cast<std::size_t>(matrix_.column_starts[static_cast<std::size_t>(free_unknown)])] += value;
   }
+  /// Replaces the diagonal entry of a free unknown, and its right-hand side, until the next assemble: for a weight that
+  /// changes while everything else stays.
+  void set_diagonal(Index free_unknown, Real value, const K& right) {
+    K& entry = matrix_.values[static_cast<std::size_t>(matrix_.column_starts[static_cast<std::size_t>(free_unknown)])];
+    entry = K(value);
+    rhs_[static_cast<std::size_t>(free_unknown)] = right;
+  }
+  [[nodiscard]] Real diagonal(Index free_unknown) const {
+    return std::real(
+        matrix_.values[static_cast<std::size_t>(matrix_.column_starts[static_cast<std::size_t>(free_unknown)])]);
+  }
   /// Changes whenever a solver has to analyze again.
   [[nodiscard]] std::uint64_t pattern_version() const { return version_; }
 

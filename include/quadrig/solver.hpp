@@ -3,6 +3,7 @@
 
 #include <functional>
 
+#include "quadrig/solver/automatic.hpp"
 #include "quadrig/solver/backend.hpp"
 #include "quadrig/solver/simplicial.hpp"
 #if defined(QUADRIG_WITH_CHOLMOD)
@@ -13,15 +14,17 @@ namespace quadrig {
 
 inline constexpr std::string_view default_solver_name = "eigen";
 
-/// Every backend this version knows, built or not.
-[[nodiscard]] constexpr std::array<std::string_view, 3> solver_names() {
-  return {"eigen", "cholmod-simplicial-lgpl", "cholmod-supernodal-gpl"};
+/// Every backend this version knows, built or not. The names of direct ones may be followed by the ordering that they
+/// are to use: "supernodal" and "eigen" by "/minimum-degree" or "/dissection", else chosen by the pattern; CHOLMOD's by
+/// "/metis", else its minimum degree.
+[[nodiscard]] constexpr std::array<std::string_view, 6> solver_names() {
+  return {"automatic", "supernodal", "eigen", "multigrid", "cholmod-simplicial-lgpl", "cholmod-supernodal-gpl"};
 }
 
 /// Whether a backend is part of this build, for systems of K.
 template <SparseScalar K>
 [[nodiscard]] constexpr bool solver_built(std::string_view name) {
-  if (name == "eigen") return true;
+  if (name == "automatic" || name == "supernodal" || name == "eigen" || name == "multigrid") return true;
 #if defined(QUADRIG_WITH_CHOLMOD)
   if constexpr (std::is_same_v<real_of<K>, double>) {
     if (name == "cholmod-simplicial-lgpl") return true;
@@ -42,12 +45,28 @@ using SolverFactory = std::function<Expected<AnySolver<K>>()>;
 ///   another backend in its place.
 template <SparseScalar K>
 [[nodiscard]] Expected<AnySolver<K>> make_solver(std::string_view name = default_solver_name) {
-  if (name == "eigen") return AnySolver<K>(SimplicialLdlt<K>());
+  if (name == "automatic") return AnySolver<K>(AutomaticSolver<K>());
+  if (name == "multigrid") return AnySolver<K>(MultigridCg<K>());
+  const std::string_view backend = name.substr(0, name.find('/'));
+  const std::string_view order = name.substr(backend.size());
+  if (backend == "supernodal" || backend == "eigen") {
+    std::optional<Ordering> ordering;
+    if (order.empty()) ordering = Ordering::automatic;
+    if (order == "/minimum-degree") ordering = Ordering::minimum_degree;
+    if (order == "/dissection") ordering = Ordering::nested_dissection;
+    if (!ordering)
+      return Error{ErrorCode::bad_option, "there is no such ordering", "solver " + std::string(name),
+                   "one of: /minimum-degree, /dissection, or none"};
+    if (backend == "supernodal") return AnySolver<K>(SupernodalCholesky<K>(*ordering));
+    return AnySolver<K>(SimplicialLdlt<K>(*ordering));
+  }
 #if defined(QUADRIG_WITH_CHOLMOD)
   if constexpr (std::is_same_v<real_of<K>, double>) {
-    if (name == "cholmod-simplicial-lgpl") return AnySolver<K>(CholmodSimplicialLgpl<K>());
+    const int ordering = order == "/metis" ? CHOLMOD_METIS : CHOLMOD_AMD;
+    const bool ordered = order.empty() || order == "/metis";
+    if (ordered && backend == "cholmod-simplicial-lgpl") return AnySolver<K>(CholmodSimplicialLgpl<K>(ordering));
 #if defined(QUADRIG_WITH_CHOLMOD_SUPERNODAL_GPL)
-    if (name == "cholmod-supernodal-gpl") return AnySolver<K>(CholmodSupernodalGpl<K>());
+    if (ordered && backend == "cholmod-supernodal-gpl") return AnySolver<K>(CholmodSupernodalGpl<K>(ordering));
 #endif
   }
 #endif
@@ -56,7 +75,7 @@ template <SparseScalar K>
     if (each == name)
       return Error{ErrorCode::unsupported, "the solver is not part of this build for this number type",
                    "solver " + std::string(name),
-                   "configure with QUADRIG_WITH_CHOLMOD=ON (and _SUPERNODAL_GPL), use double, or choose eigen"};
+                   "configure with QUADRIG_WITH_CHOLMOD=ON (and _SUPERNODAL_GPL), use double, or choose automatic"};
     known += (known.empty() ? "" : ", ") + std::string(each);
   }
   return Error{ErrorCode::bad_option, "there is no such solver", "solver " + std::string(name), "one of: " + known};

@@ -37,10 +37,12 @@ struct FieldSolverReport {
   double residual = 0;  ///< largest relative residual of the systems
   Index inverse_iterations = 0;
   Index analyses = 0;
+  std::string backend;  ///< what the backend chose at its last analysis: "supernodal, minimum degree"
 };
 
 /// Solves field systems on one mesh. The analysis lasts as long as the pattern does (the same fixed faces, the same
-/// own terms), over all systems and calls: new weights and targets cost a refill and a factorization.
+/// own terms), over all systems and calls: new weights and targets cost a refill and a factorization. Where other faces
+/// are fixed the order of elimination lasts, and what follows from it is found anew.
 /// \pre mesh and connection outlive the solver.
 class FieldSolver {
  public:
@@ -55,8 +57,15 @@ class FieldSolver {
   [[nodiscard]] Expected<std::vector<std::vector<Complex>>> minimize(std::span<const FieldSystem> systems,
                                                                      Context& context);
 
-  /// The k-th system of the last `minimize` once more, with numbers added to its right-hand side, one a face: no
-  /// assembly and no factorization. \pre that call succeeded. \cost one solve. \fails numeric; cancelled.
+  /// The k-th system of the last `minimize` with other targets and weights, one a face: what an artist's brush calls.
+  /// The result is that of a whole `minimize`, bit for bit; systems with unpinned components are not for this.
+  /// \pre that call succeeded, and what update was given before has too. \cost O(m), a factorization and a solve: no
+  /// assembly, no analysis. \fails numeric where the system becomes singular; cancelled.
+  [[nodiscard]] Expected<std::vector<Complex>> update(std::size_t k, std::span<const Complex> target,
+                                                      std::span<const double> target_weight, Context& context);
+
+  /// The k-th system of the last `minimize` or `update` once more, with numbers added to its right-hand side, one a
+  /// face: no assembly and no factorization. \pre that call succeeded. \cost one solve. \fails numeric; cancelled.
   [[nodiscard]] Expected<std::vector<Complex>> solve_again(std::size_t k, std::span<const Complex> added_rhs,
                                                            Context& context);
 
@@ -67,18 +76,24 @@ class FieldSolver {
     QuadraticForm<Complex> form;
     std::optional<AnySolver<Complex>> solver;
     std::uint64_t version = 0;
+    // Of the free unknowns without their targets.
+    std::vector<double> diagonal;
+    std::vector<Complex> rhs;
   };
 
   FieldSolver(const TriangleMesh<double>& mesh, const Connection<double>& connection, SolverFactory<Complex> factory)
       : mesh_(&mesh), connection_(&connection), factory_(std::move(factory)) {}
 
   Status assemble(Slot& slot, const FieldSystem& system);
+  [[nodiscard]] Status add_targets(Slot& slot, std::span<const Complex> target, std::span<const double> weight);
+  [[nodiscard]] std::vector<Index> lasting_order(const QuadraticForm<Complex>& form) const;
   Status analyze(Slot& slot, Context& context);
 
   const TriangleMesh<double>* mesh_;
   const Connection<double>* connection_;
   SolverFactory<Complex> factory_;
   std::vector<Slot> slots_;
+  std::vector<Index> face_order_;  // in which the backend eliminated them, where it tells
   // The pattern of the last analysis, and a solver that holds it, unfactored.
   std::vector<Index> column_starts_, rows_;
   std::optional<AnySolver<Complex>> analyzed_;

@@ -22,11 +22,16 @@ QUADRIG_INLINE Status FieldSolver::assemble(Slot& slot, const FieldSystem& syste
     if (!held[static_cast<std::size_t>(f)]) slot.form.release(f);
 
   const Smoothness<double> smoothness(*mesh_, *connection_, system.power, system.smoothness);
-  const Alignment<double> alignment(system.target, system.target_weight);
   const Orthogonality<double> shrink(system.shrink);
-  std::vector<TermRef<Complex>> terms{smoothness, alignment, shrink};
+  std::vector<TermRef<Complex>> terms{smoothness, shrink};
   for (const AnyTerm<Complex>& own : system.own_terms) terms.emplace_back(own);
+  // Without its targets, which may change alone. A face that no row reaches has its place in the matrix all the same.
   if (Status status = slot.form.assemble(std::span<const TermRef<Complex>>(terms)); !status.ok()) return status;
+  const std::span<const Complex> rhs = slot.form.rhs();
+  slot.rhs.assign(rhs.begin(), rhs.end());
+  slot.diagonal.resize(rhs.size());
+  for (std::size_t i = 0; i < rhs.size(); ++i) slot.diagonal[i] = slot.form.diagonal(static_cast<Index>(i));
+  if (Status status = add_targets(slot, system.target, system.target_weight); !status.ok()) return status;
 
   // A component that nothing pins is singular, or as good as: a shift far below its first eigenvalue mends that.
   if (!system.unpinned.empty()) {
@@ -44,6 +49,40 @@ QUADRIG_INLINE Status FieldSolver::assemble(Slot& slot, const FieldSystem& syste
   return {};
 }
 
+QUADRIG_INLINE Status FieldSolver::add_targets(Slot& slot, std::span<const Complex> target,
+                                               std::span<const double> weight) {
+  Index unknown = 0;
+  for (Index f = 0; f < mesh_->face_count(); ++f) {
+    const auto i = static_cast<std::size_t>(f);
+    if (!std::isfinite(weight[i]) || !std::isfinite(std::norm(target[i])))
+      return Error{ErrorCode::bad_input, "a number is not finite", "term alignment, row " + std::to_string(f),
+                   "check the term with quadrig/laws.hpp"};
+    if (slot.form.is_fixed(f)) continue;
+    const auto j = static_cast<std::size_t>(unknown);
+    slot.form.set_diagonal(unknown++, slot.diagonal[j] + weight[i], slot.rhs[j] + weight[i] * target[i]);
+  }
+  return {};
+}
+
+// The order of the last analysis among the free faces, those that were not free before it first: with their few
+// neighbours they fill little. Empty where there is none that is worth keeping.
+QUADRIG_INLINE std::vector<Index> FieldSolver::lasting_order(const QuadraticForm<Complex>& form) const {
+  std::vector<Index> unknown(static_cast<std::size_t>(mesh_->face_count()), no_index), order;
+  Index count = 0;
+  for (Index f = 0; f < mesh_->face_count(); ++f)
+    if (!form.is_fixed(f)) unknown[static_cast<std::size_t>(f)] = count++;
+  for (const Index f : face_order_)
+    if (const Index u = unknown[static_cast<std::size_t>(f)]; u != no_index) order.push_back(u);
+  const std::size_t fresh = static_cast<std::size_t>(count) - order.size();
+  if (fresh * 50 > order.size()) return {};
+  for (const Index f : face_order_) unknown[static_cast<std::size_t>(f)] = no_index;
+  std::vector<Index> first;
+  for (const Index u : unknown)
+    if (u != no_index) first.push_back(u);
+  order.insert(order.begin(), first.begin(), first.end());
+  return order;
+}
+
 QUADRIG_INLINE Status FieldSolver::analyze(Slot& slot, Context& context) {
   if (slot.solver && slot.version == slot.form.pattern_version()) return {};
   const auto A = slot.form.matrix();
@@ -53,8 +92,17 @@ QUADRIG_INLINE Status FieldSolver::analyze(Slot& slot, Context& context) {
     auto fresh = factory_();
     if (!fresh) return fresh.error();
     analyzed_ = std::move(*fresh);
-    if (Status status = analyzed_->analyze(A, {}, context); !status.ok()) return status;
+    const std::vector<Index> order = lasting_order(slot.form);
+    if (Status status = analyzed_->analyze(A, order, context); !status.ok()) return status;
+    if (order.empty()) {
+      std::vector<Index> faces;
+      for (Index f = 0; f < mesh_->face_count(); ++f)
+        if (!slot.form.is_fixed(f)) faces.push_back(f);
+      face_order_.clear();
+      for (const Index u : analyzed_->elimination_order()) face_order_.push_back(faces[static_cast<std::size_t>(u)]);
+    }
     ++report_.analyses;
+    report_.backend = analyzed_->description();
     column_starts_.assign(A.column_starts.begin(), A.column_starts.end());
     rows_.assign(A.rows.begin(), A.rows.end());
   }
@@ -128,7 +176,7 @@ QUADRIG_INLINE Expected<Index> smallest_eigenvectors(const FieldSystem& system, 
 
 QUADRIG_INLINE Expected<std::vector<std::vector<Complex>>> FieldSolver::minimize(std::span<const FieldSystem> systems,
                                                                                  Context& context) {
-  while (slots_.size() < systems.size()) slots_.push_back({QuadraticForm<Complex>(mesh_->face_count()), {}, 0});
+  while (slots_.size() < systems.size()) slots_.push_back({QuadraticForm<Complex>(mesh_->face_count()), {}, 0, {}, {}});
 
   for (std::size_t k = 0; k < systems.size(); ++k) {
     const Stopwatch assembly;
@@ -199,6 +247,27 @@ QUADRIG_INLINE Expected<std::vector<std::vector<Complex>>> FieldSolver::minimize
     results.push_back(std::move(outcome.z));
   }
   return results;
+}
+
+QUADRIG_INLINE Expected<std::vector<Complex>> FieldSolver::update(std::size_t k, std::span<const Complex> target,
+                                                                  std::span<const double> target_weight,
+                                                                  Context& context) {
+  Slot& slot = slots_[k];
+  const Stopwatch assembly;
+  if (Status status = add_targets(slot, target, target_weight); !status.ok()) return status.error();
+  report_.assembly_seconds += assembly.seconds();
+  std::vector<Complex> x(slot.form.rhs().size());
+  if (!x.empty()) {
+    const Stopwatch factorization;
+    if (Status status = slot.solver->factorize(slot.form.matrix(), context); !status.ok()) return status.error();
+    report_.factorization_seconds += factorization.seconds();
+    const Stopwatch solve;
+    const SolveInfo info = slot.solver->solve(slot.form.rhs(), x, context);
+    if (!info.status.ok()) return info.status.error();
+    report_.solve_seconds += solve.seconds();
+    if (!std::isnan(info.residual)) report_.residual = std::max(report_.residual, info.residual);
+  }
+  return slot.form.expand(x);
 }
 
 QUADRIG_INLINE Expected<std::vector<Complex>> FieldSolver::solve_again(std::size_t k,

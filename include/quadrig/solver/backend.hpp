@@ -49,6 +49,11 @@ class AnySolver {
   Status factorize(const HermitianView<K>& A, Context& context) { return model_->factorize(A, context); }
   SolveInfo solve(std::span<const K> b, std::span<K> x, Context& context) { return model_->solve(b, x, context); }
 
+  /// The order of the last analysis where the backend tells, by a function of this name, else empty.
+  [[nodiscard]] std::span<const Index> elimination_order() const { return model_->elimination_order(); }
+  /// What the backend chose, in words, where it tells by a function of this name; else its name.
+  [[nodiscard]] std::string description() const { return model_->description(); }
+
   /// Analyzes where `pattern_version` is not that of the last call, then factorizes.
   Status prepare(const HermitianView<K>& A, std::uint64_t pattern_version, Context& context,
                  std::span<const Index> order = {}) {
@@ -70,6 +75,8 @@ class AnySolver {
     virtual Status analyze(const HermitianView<K>&, std::span<const Index>, Context&) = 0;
     virtual Status factorize(const HermitianView<K>&, Context&) = 0;
     virtual SolveInfo solve(std::span<const K>, std::span<K>, Context&) = 0;
+    [[nodiscard]] virtual std::span<const Index> elimination_order() const = 0;
+    [[nodiscard]] virtual std::string description() const = 0;
     [[nodiscard]] virtual bool can_clone() const = 0;
     [[nodiscard]] virtual std::unique_ptr<Base> clone() const = 0;
   };
@@ -83,6 +90,22 @@ class AnySolver {
     Status factorize(const HermitianView<K>& A, Context& context) override { return solver.factorize(A, context); }
     SolveInfo solve(std::span<const K> b, std::span<K> x, Context& context) override {
       return solver.solve(b, x, context);
+    }
+    std::span<const Index> elimination_order() const override {
+      if constexpr (requires(const S& s) {
+                      { s.elimination_order() } -> std::convertible_to<std::span<const Index>>;
+                    })
+        return solver.elimination_order();
+      else
+        return {};
+    }
+    std::string description() const override {
+      if constexpr (requires(const S& s) {
+                      { s.description() } -> std::convertible_to<std::string>;
+                    })
+        return solver.description();
+      else
+        return std::string(solver.name());
     }
     bool can_clone() const override { return std::copy_constructible<S>; }
     std::unique_ptr<Base> clone() const override {

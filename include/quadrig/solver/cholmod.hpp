@@ -21,12 +21,12 @@ namespace detail {
 template <class K>
 requires(std::is_same_v<real_of<K>, double>) class Cholmod {
  public:
-  explicit Cholmod(int method) {
+  Cholmod(int method, int ordering) : ordering_(ordering) {
     cholmod_start(&common_);
     common_.supernodal = method;
     common_.print = 0;
     common_.nmethods = 1;
-    common_.method[0].ordering = CHOLMOD_AMD;
+    common_.method[0].ordering = ordering_;
     common_.postorder = 1;
   }
   ~Cholmod() {
@@ -35,7 +35,8 @@ requires(std::is_same_v<real_of<K>, double>) class Cholmod {
     cholmod_finish(&common_);
   }
   Cholmod(Cholmod&& other) noexcept
-      : common_(other.common_),
+      : ordering_(other.ordering_),
+        common_(other.common_),
         factor_(std::exchange(other.factor_, nullptr)),
         factorized_(other.factorized_),
         owns_(std::exchange(other.owns_, false)) {}
@@ -48,7 +49,7 @@ requires(std::is_same_v<real_of<K>, double>) class Cholmod {
     factorized_ = false;
     cholmod_sparse matrix = borrow(A);
     if (order.empty()) {
-      common_.method[0].ordering = CHOLMOD_AMD;
+      common_.method[0].ordering = ordering_;
       factor_ = cholmod_analyze(&matrix, &common_);
     } else {
       if (order.size() != static_cast<std::size_t>(A.size))
@@ -146,6 +147,7 @@ requires(std::is_same_v<real_of<K>, double>) class Cholmod {
     return matrix;
   }
 
+  int ordering_;
   cholmod_common common_{};
   cholmod_factor* factor_ = nullptr;
   HermitianMatrix<K> matrix_;  // of the last factorization, for residuals
@@ -159,7 +161,8 @@ requires(std::is_same_v<real_of<K>, double>) class Cholmod {
 template <class K>
 class CholmodSimplicialLgpl : public detail::Cholmod<K> {
  public:
-  CholmodSimplicialLgpl() : detail::Cholmod<K>(CHOLMOD_SIMPLICIAL) {}
+  /// `ordering` is CHOLMOD_AMD or CHOLMOD_METIS, where CHOLMOD was built with it.
+  explicit CholmodSimplicialLgpl(int ordering = CHOLMOD_AMD) : detail::Cholmod<K>(CHOLMOD_SIMPLICIAL, ordering) {}
   [[nodiscard]] static constexpr std::string_view name() { return "cholmod-simplicial-lgpl"; }
 };
 
@@ -168,7 +171,7 @@ class CholmodSimplicialLgpl : public detail::Cholmod<K> {
 template <class K>
 class CholmodSupernodalGpl : public detail::Cholmod<K> {
  public:
-  CholmodSupernodalGpl() : detail::Cholmod<K>(CHOLMOD_SUPERNODAL) {}
+  explicit CholmodSupernodalGpl(int ordering = CHOLMOD_AMD) : detail::Cholmod<K>(CHOLMOD_SUPERNODAL, ordering) {}
   [[nodiscard]] static constexpr std::string_view name() { return "cholmod-supernodal-gpl"; }
 };
 #endif

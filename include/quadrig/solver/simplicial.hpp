@@ -1,12 +1,12 @@
-// The default backend: Eigen's simplicial LDLᴴ, with the ordering kept apart from the numbers.
+// Eigen's simplicial LDLᴴ, with the ordering kept apart from the numbers.
 #pragma once
 
 #include <cmath>
 
-#include <Eigen/OrderingMethods>
 #include <Eigen/SparseCholesky>
 
 #include "quadrig/solver/backend.hpp"
+#include "quadrig/solver/ordering.hpp"
 
 namespace quadrig {
 
@@ -16,8 +16,11 @@ namespace quadrig {
 template <SparseScalar K>
 class SimplicialLdlt {
  public:
-  SimplicialLdlt() = default;
-  SimplicialLdlt(const SimplicialLdlt& other) : analysis_(other.analysis_) { adopt_analysis(); }
+  /// `ordering` is what `analyze` uses where it is given no order.
+  explicit SimplicialLdlt(Ordering ordering = Ordering::automatic) : ordering_(ordering) {}
+  SimplicialLdlt(const SimplicialLdlt& other) : ordering_(other.ordering_), analysis_(other.analysis_) {
+    adopt_analysis();
+  }
   SimplicialLdlt(SimplicialLdlt&&) noexcept = default;
   SimplicialLdlt& operator=(const SimplicialLdlt&) = delete;
   SimplicialLdlt& operator=(SimplicialLdlt&&) noexcept = default;
@@ -26,12 +29,14 @@ class SimplicialLdlt {
   [[nodiscard]] static constexpr std::string_view name() { return "eigen"; }
 
   /// \fails bad_input where `order` is not a permutation of the unknowns.
-  Status analyze(const HermitianView<K>& A, std::span<const Index> order, Context&) {
+  Status analyze(const HermitianView<K>& A, std::span<const Index> order, Context& context) {
     const auto n = static_cast<std::size_t>(A.size);
     auto analysis = std::make_shared<Analysis>();
     analysis->position.assign(n, no_index);
     if (order.empty()) {
-      fill_reducing_positions(A, analysis->position);
+      const EliminationOrder found = elimination_order(A.size, A.column_starts, A.rows, ordering_, context);
+      for (std::size_t k = 0; k < n; ++k)
+        analysis->position[static_cast<std::size_t>(found.unknowns[k])] = static_cast<Index>(k);
     } else {
       bool sound = order.size() == n;
       for (std::size_t k = 0; sound && k < n; ++k) {
@@ -156,18 +161,6 @@ class SimplicialLdlt {
     }
   };
 
-  // Approximate minimum degree, on the pattern alone.
-  static void fill_reducing_positions(const HermitianView<K>& A, std::vector<Index>& position) {
-    Eigen::SparseMatrix<float, Eigen::ColMajor, Index> pattern(A.size, A.size);
-    pattern.resizeNonZeros(static_cast<Eigen::Index>(A.rows.size()));
-    std::copy(A.column_starts.begin(), A.column_starts.end(), pattern.outerIndexPtr());
-    std::copy(A.rows.begin(), A.rows.end(), pattern.innerIndexPtr());
-    std::fill_n(pattern.valuePtr(), A.rows.size(), 1.0f);
-    Eigen::PermutationMatrix<Eigen::Dynamic, Eigen::Dynamic, Index> elimination;
-    Eigen::AMDOrdering<Index>()(pattern.selfadjointView<Eigen::Lower>(), elimination);
-    for (Index k = 0; k < A.size; ++k) position[static_cast<std::size_t>(elimination.indices()[k])] = k;
-  }
-
   // Eigen's symbolic step on the shared, permuted pattern.
   void adopt_analysis() {
     factorized_ = false;
@@ -183,6 +176,7 @@ class SimplicialLdlt {
     ldlt_->analyzePattern(permuted_);
   }
 
+  Ordering ordering_;
   std::shared_ptr<const Analysis> analysis_;
   Matrix permuted_;
   std::unique_ptr<Ldlt> ldlt_;

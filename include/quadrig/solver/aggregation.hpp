@@ -1,0 +1,236 @@
+// Sparse matrices by rows, and the aggregation that makes a coarser one: what multigrid is made of.
+#pragma once
+
+#include <cmath>
+
+#include "quadrig/sparse.hpp"
+
+namespace quadrig::detail {
+
+inline std::size_t to_size(Index i) { return static_cast<std::size_t>(i); }
+
+// sum −= a b, without care for infinities.
+template <class K>
+void subtract_product(K& sum, const K& a, const K& b) {
+  if constexpr (std::is_same_v<K, real_of<K>>)
+    sum -= a * b;
+  else
+    sum = K(sum.real() - (a.real() * b.real() - a.imag() * b.imag()),
+            sum.imag() - (a.real() * b.imag() + a.imag() * b.real()));
+}
+
+template <class K>
+struct SparseRows {
+  Index columns_count = 0;
+  std::vector<std::size_t> starts{0};
+  std::vector<Index> columns;
+  std::vector<K> values;
+
+  [[nodiscard]] Index size() const { return static_cast<Index>(starts.size() - 1); }
+
+  void multiply(std::span<const K> x, std::span<K> y, const Context& context) const {
+    context.parallel_for(to_size(size()), 16384, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t i = begin; i < end; ++i) {
+        K sum{};
+        for (std::size_t e = starts[i]; e < starts[i + 1]; ++e)
+          subtract_product(sum, values[e], x[to_size(columns[e])]);
+        y[i] = -sum;
+      }
+    });
+  }
+  [[nodiscard]] std::vector<real_of<K>> diagonal() const {
+    std::vector<real_of<K>> result(to_size(size()), 0);
+    for (std::size_t i = 0; i < result.size(); ++i)
+      for (std::size_t e = starts[i]; e < starts[i + 1]; ++e)
+        if (columns[e] == static_cast<Index>(i)) result[i] = std::real(values[e]);
+    return result;
+  }
+};
+
+/// Both triangles, columns ascending.
+template <class K>
+[[nodiscard]] SparseRows<K> full_rows(const HermitianView<K>& A) {
+  SparseRows<K> full;
+  const std::size_t n = to_size(A.size);
+  full.columns_count = A.size;
+  full.starts.assign(n + 1, 0);
+  for (std::size_t j = 0; j < n; ++j)
+    for (std::size_t e = to_size(A.column_starts[j]); e < to_size(A.column_starts[j + 1]); ++e) {
+      ++full.starts[to_size(A.rows[e]) + 1];
+      if (A.rows[e] != static_cast<Index>(j)) ++full.starts[j + 1];
+    }
+  for (std::size_t j = 0; j < n; ++j) full.starts[j + 1] += full.starts[j];
+  full.columns.resize(full.starts[n]);
+  full.values.resize(full.starts[n]);
+  std::vector<std::size_t> next(full.starts.begin(), full.starts.end() - 1);
+  // Row i meets its columns before i as they come, then its own column, which holds the rows after it.
+  for (std::size_t j = 0; j < n; ++j)
+    for (std::size_t e = to_size(A.column_starts[j]); e < to_size(A.column_starts[j + 1]); ++e) {
+      const std::size_t i = to_size(A.rows[e]);
+      full.columns[next[i]] = static_cast<Index>(j);
+      full.values[next[i]++] = A.values[e];
+      if (i == j) continue;
+      full.columns[next[j]] = A.rows[e];
+      full.values[next[j]++] = conjugate(A.values[e]);
+    }
+  return full;
+}
+
+/// The lower triangle by columns, of a matrix that is Hermitian up to rounding.
+template <class K>
+[[nodiscard]] HermitianMatrix<K> lower_columns(const SparseRows<K>& A) {
+  HermitianMatrix<K> lower;
+  lower.size = A.size();
+  std::vector<std::pair<Index, K>> column;
+  for (Index j = 0; j < A.size(); ++j) {  // row j of the upper triangle, conjugated
+    column.clear();
+    K diagonal{};
+    for (std::size_t e = A.starts[to_size(j)]; e < A.starts[to_size(j) + 1]; ++e) {
+      if (A.columns[e] == j) diagonal = K(std::real(A.values[e]));
+      if (A.columns[e] > j) column.emplace_back(A.columns[e], conjugate(A.values[e]));
+    }
+    std::sort(column.begin(), column.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+    lower.rows.push_back(j);
+    lower.values.push_back(diagonal);
+    for (const auto& [row, value] : column) {
+      lower.rows.push_back(row);
+      lower.values.push_back(value);
+    }
+    lower.column_starts.push_back(static_cast<Index>(lower.rows.size()));
+  }
+  return lower;
+}
+
+template <class K>
+[[nodiscard]] SparseRows<K> adjoint(const SparseRows<K>& A) {
+  SparseRows<K> result;
+  result.columns_count = A.size();
+  result.starts.assign(to_size(A.columns_count) + 1, 0);
+  for (const Index j : A.columns) ++result.starts[to_size(j) + 1];
+  for (std::size_t j = 0; j < to_size(A.columns_count); ++j) result.starts[j + 1] += result.starts[j];
+  result.columns.resize(A.columns.size());
+  result.values.resize(A.columns.size());
+  std::vector<std::size_t> next(result.starts.begin(), result.starts.end() - 1);
+  for (Index i = 0; i < A.size(); ++i)
+    for (std::size_t e = A.starts[to_size(i)]; e < A.starts[to_size(i) + 1]; ++e) {
+      const std::size_t place = next[to_size(A.columns[e])]++;
+      result.columns[place] = i;
+      result.values[place] = conjugate(A.values[e]);
+    }
+  return result;
+}
+
+template <class K>
+[[nodiscard]] SparseRows<K> product(const SparseRows<K>& A, const SparseRows<K>& B) {
+  SparseRows<K> result;
+  result.columns_count = B.columns_count;
+  result.starts.reserve(A.starts.size());
+  constexpr std::size_t absent = static_cast<std::size_t>(-1);
+  std::vector<std::size_t> place(to_size(B.columns_count), absent);
+  for (Index i = 0; i < A.size(); ++i) {
+    const std::size_t begin = result.columns.size();
+    for (std::size_t e = A.starts[to_size(i)]; e < A.starts[to_size(i) + 1]; ++e) {
+      const std::size_t k = to_size(A.columns[e]);
+      const K factor = -A.values[e];
+      for (std::size_t f = B.starts[k]; f < B.starts[k + 1]; ++f) {
+        std::size_t& where = place[to_size(B.columns[f])];
+        if (where == absent || where < begin) {
+          where = result.columns.size();
+          result.columns.push_back(B.columns[f]);
+          result.values.push_back(K{});
+        }
+        subtract_product(result.values[where], factor, B.values[f]);
+      }
+    }
+    result.starts.push_back(result.columns.size());
+  }
+  return result;
+}
+
+/// Groups of unknowns that are strongly joined, one column each; an unknown's entry is the phase that carries the
+/// group's value to it along its strong entries. Unknowns that their own diagonal settles belong to none.
+template <class K>
+[[nodiscard]] SparseRows<K> aggregate(const SparseRows<K>& A, int depth) {
+  using Real = real_of<K>;
+  const Index n = A.size();
+  const std::vector<Real> diagonal = A.diagonal();
+  const Real threshold = static_cast<Real>(0.08 * std::pow(0.5, depth));
+  const auto strong = [&](Index i, std::size_t e) {
+    const Index j = A.columns[e];
+    return j != i && std::norm(A.values[e]) > threshold * threshold * diagonal[to_size(i)] * diagonal[to_size(j)];
+  };
+  std::vector<Index> group(to_size(n), no_index);
+  std::vector<K> phase(to_size(n), K(1));
+  Index count = 0;
+  const auto join = [&](Index i, Index neighbor, const K& entry) {  // entry (i, neighbor)
+    group[to_size(i)] = group[to_size(neighbor)];
+    phase[to_size(i)] = -entry / std::abs(entry) * phase[to_size(neighbor)];
+  };
+  // Whole neighbourhoods first.
+  for (Index i = 0; i < n; ++i) {
+    if (group[to_size(i)] != no_index) continue;
+    bool free = true, any = false;
+    for (std::size_t e = A.starts[to_size(i)]; e < A.starts[to_size(i) + 1] && free; ++e)
+      if (strong(i, e)) {
+        any = true;
+        free = group[to_size(A.columns[e])] == no_index;
+      }
+    if (!free || !any) continue;
+    group[to_size(i)] = count++;
+    for (std::size_t e = A.starts[to_size(i)]; e < A.starts[to_size(i) + 1]; ++e)
+      if (strong(i, e)) join(A.columns[e], i, conjugate(A.values[e]));
+  }
+  // What is left joins the strongest neighbour of the first pass, or else makes groups of its own.
+  const std::vector<Index> first = group;
+  for (Index i = 0; i < n; ++i) {
+    if (first[to_size(i)] != no_index) continue;
+    std::size_t best = A.columns.size();
+    for (std::size_t e = A.starts[to_size(i)]; e < A.starts[to_size(i) + 1]; ++e)
+      if (strong(i, e) && first[to_size(A.columns[e])] != no_index &&
+          (best == A.columns.size() || std::norm(A.values[e]) > std::norm(A.values[best])))
+        best = e;
+    if (best != A.columns.size()) join(i, A.columns[best], A.values[best]);
+  }
+  for (Index i = 0; i < n; ++i) {
+    if (group[to_size(i)] != no_index) continue;
+    bool any = false;
+    for (std::size_t e = A.starts[to_size(i)]; e < A.starts[to_size(i) + 1]; ++e) any = any || strong(i, e);
+    if (!any) continue;
+    group[to_size(i)] = count++;
+    for (std::size_t e = A.starts[to_size(i)]; e < A.starts[to_size(i) + 1]; ++e)
+      if (strong(i, e) && group[to_size(A.columns[e])] == no_index) join(A.columns[e], i, conjugate(A.values[e]));
+  }
+  SparseRows<K> result;
+  result.columns_count = count;
+  for (Index i = 0; i < n; ++i) {
+    if (group[to_size(i)] != no_index) {
+      result.columns.push_back(group[to_size(i)]);
+      result.values.push_back(phase[to_size(i)]);
+    }
+    result.starts.push_back(result.columns.size());
+  }
+  return result;
+}
+
+/// (I − ω D⁻¹ A) T with ω = 4/3 over a bound of the spectrum of D⁻¹ A.
+template <class K>
+[[nodiscard]] SparseRows<K> smoothed(const SparseRows<K>& A, const SparseRows<K>& tentative) {
+  using Real = real_of<K>;
+  const std::vector<Real> diagonal = A.diagonal();
+  Real bound = 0;
+  for (std::size_t i = 0; i < diagonal.size(); ++i) {
+    Real sum = 0;
+    for (std::size_t e = A.starts[i]; e < A.starts[i + 1]; ++e) sum += std::abs(A.values[e]);
+    bound = std::max(bound, sum / diagonal[i]);
+  }
+  const Real omega = Real(4) / (3 * bound);
+  SparseRows<K> iteration = A;
+  for (std::size_t i = 0; i < diagonal.size(); ++i)
+    for (std::size_t e = A.starts[i]; e < A.starts[i + 1]; ++e) {
+      iteration.values[e] *= -omega / diagonal[i];
+      if (A.columns[e] == static_cast<Index>(i)) iteration.values[e] += Real(1);
+    }
+  return product(iteration, tentative);
+}
+
+}  // namespace quadrig::detail

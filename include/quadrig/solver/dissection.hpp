@@ -1,0 +1,27 @@
+// A fill-reducing order of elimination for the systems of surfaces. Knows no mesh: the pattern alone.
+#pragma once
+
+#include "quadrig/sparse.hpp"
+
+namespace quadrig {
+
+struct DissectionOptions {
+  Index leaf = 120;    ///< pieces of at most so many unknowns are ordered by minimum degree
+  double slack = 0.2;  ///< a separator may lie anywhere within this share of the unknowns from the middle
+};
+
+/// The unknowns in the order in which to eliminate them: nested dissection of the pattern, with separators that are
+/// minimum cuts within a band across each piece, and constrained minimum degree within the leaves.
+/// The same at any number of threads. \pre a sound view; values are not read
+/// \cost O(n log n) on almost planar patterns of bounded degree; others are ordered too, only later. \fails never
+/// Source: George 1973; cuts as in Schild and Sommer, On balanced separators in road networks, 2015, with distances in
+/// the pattern for coordinates.
+[[nodiscard]] std::vector<Index> nested_dissection(Index size, std::span<const Index> column_starts,
+                                                   std::span<const Index> rows, const DissectionOptions& options,
+                                                   Context& context);
+
+}  // namespace quadrig
+
+#if !defined(QUADRIG_COMPILED)
+#include "quadrig/solver/dissection.ipp"
+#endif

@@ -1,0 +1,191 @@
+// Dense arithmetic of one front of a sparse Cholesky factorization.
+#pragma once
+
+#include <cmath>
+#include <cstring>
+
+#include "quadrig/sparse.hpp"
+
+namespace quadrig::detail {
+
+#if defined(__GNUC__)
+#define QUADRIG_FLATTEN __attribute__((always_inline)) inline
+
+/// Tiles of target −= left · rightᴴ in vectors of so many bytes. Each entry is summed over the depth in its own order
+/// and by the same operations whatever the width, so that every processor gives the same bits.
+template <class K, int bytes>
+struct FrontTile {
+  using Real = real_of<K>;
+  static constexpr bool is_complex = !std::is_same_v<K, Real>;
+  static constexpr Index lanes = bytes / static_cast<int>(sizeof(K));
+  static constexpr int numbers = bytes / static_cast<int>(sizeof(Real));
+  typedef Real Vector __attribute__((vector_size(bytes)));
+
+  // Rows [0, V·lanes) and C columns.
+  template <int V, int C>
+  QUADRIG_FLATTEN static void subtract(const K* left, std::ptrdiff_t left_stride, const K* right, Index depth,
+                                       K* target, std::ptrdiff_t stride) {
+    Vector sum[V][C] = {}, cross[V][C] = {};
+    for (Index k = 0; k < depth; ++k, left += left_stride, right += left_stride) {
+      Vector a[V];
+      for (int v = 0; v < V; ++v) std::memcpy(&a[v], left + v * lanes, sizeof(Vector));
+      for (int c = 0; c < C; ++c) {
+        if constexpr (is_complex) {
+          const Real re = right[c].real(), im = right[c].imag();
+          for (int v = 0; v < V; ++v) sum[v][c] += a[v] * re;
+          for (int v = 0; v < V; ++v) cross[v][c] += a[v] * im;
+        } else {
+          for (int v = 0; v < V; ++v) sum[v][c] += a[v] * right[c];
+        }
+      }
+    }
+    for (int c = 0; c < C; ++c)
+      for (int v = 0; v < V; ++v) {
+        K* const place = target + c * stride + v * lanes;
+        Vector t;
+        std::memcpy(&t, place, sizeof(Vector));
+        if constexpr (is_complex) {
+          Vector turned{}, sign{};
+          if constexpr (numbers == 2)
+            turned = __builtin_shufflevector(cross[v][c], cross[v][c], 1, 0);
+          else if constexpr (numbers == 4)
+            turned = __builtin_shufflevector(cross[v][c], cross[v][c], 1, 0, 3, 2);
+          else
+            turned = __builtin_shufflevector(cross[v][c], cross[v][c], 1, 0, 3, 2, 5, 4, 7, 6);
+          for (int i = 0; i < numbers; ++i) sign[i] = i % 2 == 0 ? Real(1) : Real(-1);
+          t -= sum[v][c] + turned * sign;
+        } else {
+          t -= sum[v][c];
+        }
+        std::memcpy(static_cast<void*>(place), &t, sizeof(Vector));
+      }
+  }
+
+  QUADRIG_FLATTEN static void subtract_one(const K* left, std::ptrdiff_t left_stride, const K* right, Index depth,
+                                           K* target) {
+    if constexpr (is_complex) {
+      Real sum_re = 0, sum_im = 0, cross_re = 0, cross_im = 0;
+      for (Index k = 0; k < depth; ++k, left += left_stride, right += left_stride) {
+        const Real re = right->real(), im = right->imag();
+        sum_re += left->real() * re;
+        sum_im += left->imag() * re;
+        cross_re += left->real() * im;
+        cross_im += left->imag() * im;
+      }
+      *target = K(target->real() - (sum_re + cross_im), target->imag() - (sum_im - cross_re));
+    } else {
+      Real sum = 0;
+      for (Index k = 0; k < depth; ++k, left += left_stride, right += left_stride) sum += *left * *right;
+      *target -= sum;
+    }
+  }
+
+  template <int C>
+  QUADRIG_FLATTEN static void columns(const K* left, std::ptrdiff_t left_stride, Index rows, const K* right,
+                                      Index depth, K* target, std::ptrdiff_t stride) {
+    Index i = 0;
+    for (; i + 2 * lanes <= rows; i += 2 * lanes)
+      subtract<2, C>(left + i, left_stride, right, depth, target + i, stride);
+    for (; i + lanes <= rows; i += lanes) subtract<1, C>(left + i, left_stride, right, depth, target + i, stride);
+    for (; i < rows; ++i)
+      for (int c = 0; c < C; ++c) subtract_one(left + i, left_stride, right + c, depth, target + c * stride + i);
+  }
+
+  /// Columns [0, count) of target from each one's diagonal on; of the first rows above it, too.
+  QUADRIG_FLATTEN static void trapezoid(const K* left, std::ptrdiff_t left_stride, Index depth, K* target,
+                                        std::ptrdiff_t stride, Index rows, Index count) {
+    constexpr int wide = is_complex ? 2 : 4;
+    Index j = 0;
+    for (; j + wide <= count; j += wide)
+      columns<wide>(left + j, left_stride, rows - j, left + j, depth, target + j * stride + j, stride);
+    for (; j < count; ++j)
+      columns<1>(left + j, left_stride, rows - j, left + j, depth, target + j * stride + j, stride);
+  }
+};
+
+template <class K>
+void front_trapezoid(const K* left, std::ptrdiff_t left_stride, Index depth, K* target, std::ptrdiff_t stride,
+                     Index rows, Index count) {
+  FrontTile<K, 16>::trapezoid(left, left_stride, depth, target, stride, rows, count);
+}
+#if defined(__x86_64__)
+template <class K>
+__attribute__((target("avx2"))) void front_trapezoid_avx2(const K* left, std::ptrdiff_t left_stride, Index depth,
+                                                          K* target, std::ptrdiff_t stride, Index rows, Index count) {
+  FrontTile<K, 32>::trapezoid(left, left_stride, depth, target, stride, rows, count);
+}
+#endif
+#undef QUADRIG_FLATTEN
+#endif
+
+/// A panel of `width` columns with `height` rows, by columns, of which the lower trapezoid counts, and the square of
+/// height − width that is left for the parent, of which the lower triangle counts.
+/// Sums are cut into blocks that do not depend on the threads.
+template <class K>
+struct Front {
+  using Real = real_of<K>;
+  static constexpr Index panel_block = 8, thread_block = 48;
+  static constexpr double worth_threads = 4e6;  // multiplications
+
+  static std::ptrdiff_t offset(Index column, Index stride) { return static_cast<std::ptrdiff_t>(column) * stride; }
+
+  /// LLᴴ of the panel: its upper part factored, the rows below solved for. `accept(column, pivot)` says whether to go
+  /// on. Returns the column that was not accepted, or no_index.
+  template <class Accept>
+  static Index factorize(K* panel, Index width, Index height, Accept&& accept, const Context* context) {
+    for (Index begin = 0; begin < width; begin += panel_block) {
+      const Index end = std::min(width, begin + panel_block);
+      for (Index j = begin; j < end; ++j) {
+        K* const column = panel + offset(j, height);
+        if (j > begin)
+          trapezoid(panel + offset(begin, height) + j, height, j - begin, column + j, height, height - j, 1);
+        const Real pivot = std::real(column[j]);
+        if (!accept(j, pivot)) return j;
+        const Real root = std::sqrt(pivot), inverse = 1 / root;
+        column[j] = K(root);
+        for (Index i = j + 1; i < height; ++i) column[i] *= inverse;
+      }
+      if (end < width)
+        subtract_product(panel + offset(begin, height) + end, end - begin, height, panel + offset(end, height) + end,
+                         height, height - end, width - end, context);
+    }
+    return no_index;
+  }
+
+  /// The lower trapezoid of target (rows × columns) −= left · (upper rows of left)ᴴ, left being rows × depth.
+  static void subtract_product(const K* left, Index depth, Index left_stride, K* target, Index stride, Index rows,
+                               Index columns, const Context* context) {
+    if (!context || static_cast<double>(rows) * columns * depth < worth_threads)
+      return trapezoid(left, left_stride, depth, target, stride, rows, columns);
+    const Index blocks = (columns + thread_block - 1) / thread_block;
+    context->parallel_for(static_cast<std::size_t>(blocks), 1, [&](std::size_t first, std::size_t last) {
+      for (std::size_t k = first; k < last; ++k) {
+        // Long blocks and short ones in turn, for the threads' sake.
+        const auto half = static_cast<Index>(k / 2);
+        const Index c = thread_block * (k % 2 == 0 ? half : blocks - 1 - half);
+        trapezoid(left + c, left_stride, depth, target + offset(c, stride) + c, stride, rows - c,
+                  std::min(thread_block, columns - c));
+      }
+    });
+  }
+
+ private:
+  static void trapezoid(const K* left, Index left_stride, Index depth, K* target, Index stride, Index rows,
+                        Index count) {
+#if defined(__GNUC__)
+#if defined(__x86_64__)
+    if (__builtin_cpu_supports("avx2"))
+      return front_trapezoid_avx2(left, left_stride, depth, target, stride, rows, count);
+#endif
+    front_trapezoid(left, left_stride, depth, target, stride, rows, count);
+#else
+    for (Index j = 0; j < count; ++j)
+      for (Index k = 0; k < depth; ++k) {
+        const K factor = conjugate(left[offset(k, left_stride) + j]);
+        for (Index i = j; i < rows; ++i) target[offset(j, stride) + i] -= left[offset(k, left_stride) + i] * factor;
+      }
+#endif
+  }
+};
+
+}  // namespace quadrig::detail

@@ -1,0 +1,41 @@
+// Definitions of solver/ordering.hpp.
+#pragma once
+
+#include <Eigen/OrderingMethods>
+
+#include "quadrig/solver/ordering.hpp"
+#include "quadrig/solver/symbolic.hpp"
+
+namespace quadrig {
+
+QUADRIG_INLINE std::vector<Index> detail::minimum_degree(Index size, std::span<const Index> column_starts,
+                                                         std::span<const Index> rows) {
+  Eigen::SparseMatrix<float, Eigen::ColMajor, Index> pattern(size, size);
+  pattern.resizeNonZeros(static_cast<Eigen::Index>(rows.size()));
+  std::copy(column_starts.begin(), column_starts.end(), pattern.outerIndexPtr());
+  std::copy(rows.begin(), rows.end(), pattern.innerIndexPtr());
+  std::fill_n(pattern.valuePtr(), rows.size(), 1.0f);
+  Eigen::PermutationMatrix<Eigen::Dynamic, Eigen::Dynamic, Index> elimination;
+  Eigen::AMDOrdering<Index>()(pattern.selfadjointView<Eigen::Lower>(), elimination);
+  return {elimination.indices().data(), elimination.indices().data() + size};
+}
+
+QUADRIG_INLINE EliminationOrder elimination_order(Index size, std::span<const Index> column_starts,
+                                                  std::span<const Index> rows, Ordering ordering, Context& context) {
+  const auto work = [&](std::span<const Index> order) {
+    return detail::SymbolicBuilder(size, column_starts, rows).multiplications(order);
+  };
+  EliminationOrder best;
+  if (ordering != Ordering::nested_dissection) {
+    best.unknowns = detail::minimum_degree(size, column_starts, rows);
+    best.multiplications = work(best.unknowns);
+    // Below this a dissection costs more than it saves in the few factorizations that an analysis serves.
+    constexpr double worth_dissection = 2500;
+    if (ordering == Ordering::minimum_degree || best.multiplications < worth_dissection * size) return best;
+  }
+  EliminationOrder dissected{nested_dissection(size, column_starts, rows, {}, context), Ordering::nested_dissection, 0};
+  dissected.multiplications = work(dissected.unknowns);
+  return ordering == Ordering::automatic && best.multiplications < dissected.multiplications ? best : dissected;
+}
+
+}  // namespace quadrig

@@ -1,0 +1,339 @@
+// Our own direct solver: multifrontal LLᴴ over supernodes, under nested dissection.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <memory>
+#include <mutex>
+
+#include "quadrig/solver/backend.hpp"
+#include "quadrig/solver/front.hpp"
+#include "quadrig/solver/ordering.hpp"
+#include "quadrig/solver/symbolic.hpp"
+
+namespace quadrig {
+
+/// Sparse LLᴴ, multifrontal over supernodes, parallel over subtrees of the elimination tree. Every sum has an order of
+/// its own, so the bits do not depend on the threads. Copies share the analysis.
+/// \cost on a surface's dual graph O(n log n) memory, O(n^1.5) factorization.
+/// Source: Duff and Reid 1983; Liu, The multifrontal method, 1992.
+template <SparseScalar K>
+class SupernodalCholesky {
+ public:
+  using Real = real_of<K>;
+
+  /// `ordering` is what `analyze` uses where it is given no order.
+  explicit SupernodalCholesky(Ordering ordering = Ordering::automatic) : ordering_(ordering) {}
+
+  [[nodiscard]] static constexpr std::string_view name() { return "supernodal"; }
+
+  /// \fails bad_input where `order` is not a permutation of the unknowns.
+  Status analyze(const HermitianView<K>& A, std::span<const Index> order, Context& context) {
+    const auto n = at(A.size);
+    factorized_ = false;
+    auto analysis = std::make_shared<Analysis>();
+    if (order.empty()) {
+      EliminationOrder found = quadrig::elimination_order(A.size, A.column_starts, A.rows, ordering_, context);
+      analysis->unknown = std::move(found.unknowns);
+      analysis->ordering = found.ordering;
+    } else {
+      std::vector<char> seen(n, 0);
+      bool sound = order.size() == n;
+      for (std::size_t k = 0; sound && k < n; ++k)
+        sound = order[k] >= 0 && order[k] < A.size && !std::exchange(seen[at(order[k])], char{1});
+      if (!sound)
+        return Error{ErrorCode::bad_input, "the elimination order is not a permutation of the unknowns",
+                     "solver supernodal", "list every unknown once, or pass an empty order"};
+      analysis->unknown.assign(order.begin(), order.end());
+      analysis->ordering.reset();
+    }
+    analysis->symbolic = detail::SymbolicBuilder(A.size, A.column_starts, A.rows).build(analysis->unknown);
+    for (std::size_t i = 0; i < n; ++i) analysis->unknown[at(analysis->symbolic.position[i])] = static_cast<Index>(i);
+    analysis->column_starts.assign(A.column_starts.begin(), A.column_starts.end());
+    analysis->rows.assign(A.rows.begin(), A.rows.end());
+    analysis_ = std::move(analysis);
+    return {};
+  }
+
+  /// \fails numeric where a pivot is not positive beyond rounding, or not finite: names the unknown; cancelled.
+  Status factorize(const HermitianView<K>& A, Context& context) {
+    assert(analysis_ && A.rows.size() == analysis_->rows.size());
+    const detail::SymbolicFactor& symbolic = analysis_->symbolic;
+    factorized_ = false;
+    values_.assign(A.values.begin(), A.values.end());
+    panels_.assign(symbolic.entries(), K{});
+    for (std::size_t e = 0; e < values_.size(); ++e) {
+      const std::int64_t place = symbolic.place[e];
+      if (place >= 0)
+        panels_[static_cast<std::size_t>(place)] = values_[e];
+      else
+        panels_[static_cast<std::size_t>(-1 - place)] = conjugate(values_[e]);
+    }
+
+    Run run(symbolic.supernode_count());
+    const unsigned threads = context.thread_count();
+    const std::vector<Index> tasks = subtrees(threads);
+    std::vector<char> done(at(symbolic.supernode_count()), 0);
+    for (const Index root : tasks) {
+      std::fill(done.begin() + symbolic.first_in_tree[at(root)], done.begin() + root + 1, char{1});
+      keep_square(run, root);
+    }
+    std::atomic<std::size_t> next{0};
+    const auto work = [&](std::size_t, std::size_t) {
+      std::array<std::vector<K>, 2> stacks;
+      for (std::size_t k = 0; (k = next.fetch_add(1)) < tasks.size();)
+        eliminate_subtree(run, tasks[k], stacks, context);
+    };
+    if (threads > 1 && tasks.size() > 1)
+      context.parallel_for(threads, 1, work);
+    else
+      work(0, 0);
+    for (Index s = 0; s < symbolic.supernode_count() && !context.cancelled() && run.failure == none; ++s) {
+      if (done[at(s)]) continue;
+      keep_square(run, s);
+      eliminate(run, s, &context);
+      for (Index c = symbolic.child[at(s)]; c != no_index; c = symbolic.sibling[at(c)]) run.kept[at(c)].reset();
+    }
+    if (context.cancelled()) return cancelled_error("solver supernodal");
+    if (run.failure != none) {
+      const Index unknown = analysis_->unknown[at(run.failure)];
+      return Error{ErrorCode::numeric, run.finite ? "the matrix is not positive definite" : "the matrix is not finite",
+                   "solver supernodal, unknown " + std::to_string(unknown),
+                   "every unknown needs a term, or a fixed value in its component"};
+    }
+    factorized_ = true;
+    return {};
+  }
+
+  SolveInfo solve(std::span<const K> b, std::span<K> x, Context& context) {
+    if (!factorized_)
+      return {.status = Error{ErrorCode::numeric, "solve without a successful factorization", "solver supernodal", {}}};
+    if (context.cancelled()) return {.status = cancelled_error("solver supernodal")};
+    substitute(b, x);
+    SolveInfo info;
+    const HermitianView<K> A{static_cast<Index>(b.size()), analysis_->column_starts, analysis_->rows, values_};
+    info.residual = static_cast<double>(relative_residual<K>(A, x, b));
+    if (!std::isfinite(info.residual))
+      info.status =
+          Error{ErrorCode::numeric, "the solution is not finite", "solver supernodal", "check the right-hand side"};
+    return info;
+  }
+
+  /// A solve that measures nothing. \pre factorize succeeded
+  void substitute(std::span<const K> b, std::span<K> x) const {
+    assert(factorized_ && b.size() == analysis_->unknown.size() && x.size() == b.size());
+    const detail::SymbolicFactor& symbolic = analysis_->symbolic;
+    std::vector<K> y(b.size()), gathered;
+    for (std::size_t k = 0; k < y.size(); ++k) y[k] = b[at(analysis_->unknown[k])];
+    for (Index s = 0; s < symbolic.supernode_count(); ++s) forward(s, y, gathered);
+    for (Index s = symbolic.supernode_count(); s-- > 0;) backward(s, y, gathered);
+    for (std::size_t k = 0; k < y.size(); ++k) x[at(analysis_->unknown[k])] = y[k];
+  }
+
+  /// Entries stored for the factor, zeros of merged supernodes among them. \pre analyze succeeded
+  [[nodiscard]] std::size_t factor_nonzeros() const { return analysis_ ? analysis_->symbolic.entries() : 0; }
+  /// The unknowns as they are eliminated; empty before analyze.
+  [[nodiscard]] std::span<const Index> elimination_order() const {
+    return analysis_ ? std::span<const Index>(analysis_->unknown) : std::span<const Index>();
+  }
+  /// "supernodal, nested dissection", or as the unknowns were ordered by the last analyze.
+  [[nodiscard]] std::string description() const {
+    if (!analysis_) return std::string(name());
+    return std::string(name()) + ", " +
+           std::string(analysis_->ordering ? ordering_name(*analysis_->ordering) : "given order");
+  }
+
+ private:
+  static constexpr Index none = std::numeric_limits<Index>::max();
+  static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+
+  struct Analysis {
+    std::vector<Index> unknown;  // k-th to be eliminated
+    std::optional<Ordering> ordering;
+    std::vector<Index> column_starts, rows;
+    detail::SymbolicFactor symbolic;
+  };
+
+  // What one factorization shares between its threads.
+  struct Run {
+    explicit Run(Index supernodes) : square(at(supernodes), nullptr), kept(at(supernodes)) {}
+    std::vector<K*> square;                  // of each supernode, until its parent has added it
+    std::vector<std::unique_ptr<K[]>> kept;  // squares that outlive a stack
+    std::mutex mutex;
+    Index failure = none;  // the first column that failed
+    bool finite = true;
+
+    void fail(Index column, Real pivot) {
+      const std::scoped_lock lock(mutex);
+      if (column >= failure) return;
+      failure = column;
+      finite = std::isfinite(pivot);
+    }
+  };
+
+  void keep_square(Run& run, Index s) const {
+    const std::size_t below = at(analysis_->symbolic.below(s));
+    run.kept[at(s)] = std::make_unique_for_overwrite<K[]>(below * below);
+    run.square[at(s)] = run.kept[at(s)].get();
+  }
+
+  // Disjoint subtrees, largest first, that leave enough to share; the whole forest where there is one thread.
+  [[nodiscard]] std::vector<Index> subtrees(unsigned threads) const {
+    const detail::SymbolicFactor& symbolic = analysis_->symbolic;
+    const auto lighter = [&](Index a, Index b) {
+      return symbolic.work[at(a)] != symbolic.work[at(b)] ? symbolic.work[at(a)] < symbolic.work[at(b)] : a < b;
+    };
+    std::vector<Index> heap;
+    double total = 0;
+    for (Index s = 0; s < symbolic.supernode_count(); ++s)
+      if (symbolic.parent[at(s)] == no_index) {
+        heap.push_back(s);
+        total += symbolic.work[at(s)];
+      }
+    if (threads > 1) {
+      const double share = std::max(total / (8.0 * threads), 2e5);
+      std::make_heap(heap.begin(), heap.end(), lighter);
+      while (!heap.empty() && symbolic.work[at(heap.front())] > share) {
+        std::pop_heap(heap.begin(), heap.end(), lighter);
+        const Index s = heap.back();
+        heap.pop_back();
+        for (Index c = symbolic.child[at(s)]; c != no_index; c = symbolic.sibling[at(c)]) {
+          heap.push_back(c);
+          std::push_heap(heap.begin(), heap.end(), lighter);
+        }
+      }
+    }
+    std::sort(heap.begin(), heap.end(), [&](Index a, Index b) { return lighter(b, a); });
+    return heap;
+  }
+
+  // Squares of even and odd depths lie on stacks of their own, so that a square is placed before its children's go.
+  void eliminate_subtree(Run& run, Index root, std::array<std::vector<K>, 2>& stacks, const Context& context) {
+    const detail::SymbolicFactor& symbolic = analysis_->symbolic;
+    const Index first = symbolic.first_in_tree[at(root)];
+    std::vector<char> odd(at(root - first) + 1, 0);
+    for (Index s = root; s-- > first;) odd[at(s - first)] = odd[at(symbolic.parent[at(s)] - first)] == 0;
+    const auto square_size = [&](Index s) { return at(symbolic.below(s)) * at(symbolic.below(s)); };
+    std::array<std::size_t, 2> top{}, peak{};
+    const auto walk = [&](auto&& visit) {
+      top = {};
+      for (Index s = first; s <= root; ++s) {
+        const auto parity = static_cast<std::size_t>(odd[at(s - first)]);
+        const std::size_t begin = top[parity];
+        if (s != root) top[parity] += square_size(s);
+        peak[parity] = std::max(peak[parity], top[parity]);
+        if (!visit(s, parity, begin)) return;
+        for (Index c = symbolic.child[at(s)]; c != no_index; c = symbolic.sibling[at(c)])
+          top[1 - parity] -= square_size(c);
+      }
+    };
+    walk([](Index, std::size_t, std::size_t) { return true; });
+    for (std::size_t k = 0; k < 2; ++k)
+      if (stacks[k].size() < peak[k]) stacks[k].resize(peak[k]);
+    walk([&](Index s, std::size_t parity, std::size_t begin) {
+      if (s != root) run.square[at(s)] = stacks[parity].data() + begin;
+      return !context.cancelled() && eliminate(run, s, nullptr);
+    });
+  }
+
+  // One front: what its children leave is added in their order, its columns are factored, and the rest is left.
+  bool eliminate(Run& run, Index s, const Context* context) {
+    const detail::SymbolicFactor& symbolic = analysis_->symbolic;
+    const Index width = symbolic.width(s), below = symbolic.below(s), height = width + below;
+    K* const panel = panels_.data() + symbolic.panel[at(s)];
+    K* const square = run.square[at(s)];
+    for (Index j = 0; j < below; ++j) std::fill_n(square + static_cast<std::ptrdiff_t>(j) * below + j, below - j, K{});
+    for (Index c = symbolic.child[at(s)]; c != no_index; c = symbolic.sibling[at(c)]) {
+      const Index size = symbolic.below(c);
+      const Index* const row = symbolic.relative.data() + symbolic.rows_start[at(c)];
+      const K* from = run.square[at(c)];
+      for (Index j = 0; j < size; ++j, from += size) {
+        K* const to = row[j] < width ? panel + static_cast<std::ptrdiff_t>(row[j]) * height
+                                     : square + static_cast<std::ptrdiff_t>(row[j] - width) * below - width;
+        for (Index i = j; i < size; ++i) to[row[i]] += from[i];
+      }
+    }
+    const Real rounding = Real(4) * std::numeric_limits<Real>::epsilon();
+    const Index first = symbolic.first[at(s)];
+    const auto accept = [&](Index j, Real pivot) {
+      const auto unknown = at(analysis_->unknown[at(first + j)]);
+      const Real diagonal = std::real(values_[at(analysis_->column_starts[unknown])]);
+      if (std::isfinite(pivot) && pivot > 0 && pivot > rounding * diagonal) return true;  // false for NaN too
+      run.fail(first + j, pivot);
+      return false;
+    };
+    if (detail::Front<K>::factorize(panel, width, height, accept, context) != no_index) return false;
+    if (below > 0)
+      detail::Front<K>::subtract_product(panel + width, width, height, square, below, below, below, context);
+    return true;
+  }
+
+  void forward(Index s, std::vector<K>& y, std::vector<K>& gathered) const {
+    const detail::SymbolicFactor& symbolic = analysis_->symbolic;
+    const Index width = symbolic.width(s), below = symbolic.below(s), height = width + below;
+    const K* column = panels_.data() + symbolic.panel[at(s)];
+    K* const own = y.data() + symbolic.first[at(s)];
+    const Index* const row = symbolic.rows.data() + symbolic.rows_start[at(s)];
+    gathered.assign(at(below), K{});
+    for (Index j = 0; j < width; ++j, column += height) {
+      own[j] /= std::real(column[j]);
+      const K factor = own[j];
+      axpy(own + j + 1, column + j + 1, factor, width - j - 1);
+      axpy(gathered.data(), column + width, factor, below);
+    }
+    for (Index i = 0; i < below; ++i) y[at(row[i])] += gathered[at(i)];
+  }
+
+  void backward(Index s, std::vector<K>& y, std::vector<K>& gathered) const {
+    const detail::SymbolicFactor& symbolic = analysis_->symbolic;
+    const Index width = symbolic.width(s), below = symbolic.below(s), height = width + below;
+    K* const own = y.data() + symbolic.first[at(s)];
+    const Index* const row = symbolic.rows.data() + symbolic.rows_start[at(s)];
+    gathered.resize(at(below));
+    for (Index i = 0; i < below; ++i) gathered[at(i)] = y[at(row[i])];
+    for (Index j = width; j-- > 0;) {
+      const K* const column = panels_.data() + symbolic.panel[at(s)] + static_cast<std::ptrdiff_t>(j) * height;
+      const K sum = dot(column + j + 1, own + j + 1, width - j - 1) + dot(column + width, gathered.data(), below);
+      own[j] = (own[j] - sum) / std::real(column[j]);
+    }
+  }
+
+  // y −= factor x
+  static void axpy(K* y, const K* x, K factor, Index size) {
+    if constexpr (std::is_same_v<K, Real>) {
+      for (Index i = 0; i < size; ++i) y[i] -= factor * x[i];
+    } else {
+      const Real a = factor.real(), b = factor.imag();
+      Real* const to = reinterpret_cast<Real*>(y);
+      const Real* const from = reinterpret_cast<const Real*>(x);
+      for (Index i = 0; i < 2 * size; i += 2) {
+        const Real re = from[i], im = from[i + 1];
+        to[i] -= re * a - im * b;
+        to[i + 1] -= re * b + im * a;
+      }
+    }
+  }
+  // Σ x̄ y
+  static K dot(const K* x, const K* y, Index size) {
+    if constexpr (std::is_same_v<K, Real>) {
+      Real sum = 0;
+      for (Index i = 0; i < size; ++i) sum += x[i] * y[i];
+      return sum;
+    } else {
+      Real re = 0, im = 0;
+      for (Index i = 0; i < size; ++i) {
+        re += x[i].real() * y[i].real() + x[i].imag() * y[i].imag();
+        im += x[i].real() * y[i].imag() - x[i].imag() * y[i].real();
+      }
+      return K(re, im);
+    }
+  }
+
+  Ordering ordering_;
+  std::shared_ptr<const Analysis> analysis_;
+  std::vector<K> values_;  // of the last factorization, for residuals
+  std::vector<K> panels_;
+  bool factorized_ = false;
+};
+
+}  // namespace quadrig
