@@ -6,6 +6,7 @@
 #include "quadrig/prepare.hpp"
 #include "quadrig/quads.hpp"
 #include "quadrig/simplify.hpp"
+#include "quadrig/weights.hpp"
 
 #include "quadrig/constraints/posed_metric.ipp"
 #include "quadrig/polish/polish.ipp"
@@ -14,3 +15,4 @@
 #include "quadrig/prepare/repair.ipp"
 #include "quadrig/prepare/triangulate.ipp"
 #include "quadrig/simplify/split.ipp"
+#include "quadrig/weights/bind.ipp"

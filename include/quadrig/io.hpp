@@ -7,6 +7,7 @@
 #include "quadrig/asset.hpp"
 #include "quadrig/prepare.hpp"
 #include "quadrig/quads.hpp"
+#include "quadrig/weights.hpp"
 
 namespace quadrig {
 
@@ -92,13 +93,14 @@ class FileSet {
 [[nodiscard]] std::string dmat_text(const Eigen::MatrixXd& matrix, DmatFormat format = DmatFormat::ascii);
 [[nodiscard]] std::string dmat_text(const SkinWeights& weights, DmatFormat format = DmatFormat::ascii);
 
-/// The files of one asset. `rig` and `weights` are both empty or both given.
+/// The files of one asset. `rig` and `weights` are both empty or both given, or `weights` are to be made.
 struct AssetFiles {
   std::filesystem::path mesh, rig, weights;
 };
 
 struct LoadOptions {
   PrepareOptions prepare;
+  std::optional<BindOptions> bind = std::nullopt;  ///< how to make the weights of a rig that comes without
   FileLimits limits;
 };
 

@@ -87,4 +87,10 @@ template <SparseScalar K>
   return [name = std::string(name)] { return make_solver<K>(name); };
 }
 
+#if defined(QUADRIG_COMPILED)
+// The factorizations are costly to compile; the library has the usual ones.
+extern template Expected<AnySolver<double>> make_solver<double>(std::string_view);
+extern template Expected<AnySolver<Complex>> make_solver<Complex>(std::string_view);
+#endif
+
 }  // namespace quadrig

@@ -32,8 +32,20 @@ void add_input(CLI::App& verb, Input& input) {
   auto* rig = verb.add_option("--rig", input.files.rig, "Bones: .tgf")->type_name("FILE");
   auto* weights = verb.add_option("--weights", input.files.weights, "Skin weights, a column a bone: .dmat");
   weights->type_name("FILE");
-  rig->needs(weights);
   weights->needs(rig);
+  verb.add_option_function<std::string>(
+          "--bind",
+          [&input](const std::string& name) {
+            input.load.bind.emplace();
+            for (const BindMethod method :
+                 {BindMethod::nearest_bone, BindMethod::geodesic_voxel, BindMethod::bounded_biharmonic})
+              if (name == bind_method_name(method)) input.load.bind->method = method;
+          },
+          "Make the weights of a rig that comes without")
+      ->check(CLI::IsMember({"voxel", "biharmonic", "nearest"}))
+      ->needs(rig)
+      ->excludes(weights)
+      ->type_name("voxel|biharmonic|nearest");
   const std::string group = "Input repair";
   verb.add_flag("--strict", input.load.prepare.strict, "Refuse an input that needs repair")->group(group);
   verb.add_option("--weld", input.load.prepare.weld, "Which vertices at one position become one")
@@ -66,7 +78,10 @@ Json report_head(std::string_view verb, const Input& input, const LoadedAsset& l
   in["mesh"] = input.files.mesh.string();
   if (!input.files.rig.empty()) {
     in["rig"] = input.files.rig.string();
-    in["weights"] = input.files.weights.string();
+    if (input.load.bind)
+      in["bind"] = bind_method_name(input.load.bind->method);
+    else
+      in["weights"] = input.files.weights.string();
   }
   in["vertices"] = loaded.asset.mesh.vertex_count();
   in["faces"] = loaded.asset.mesh.face_count();

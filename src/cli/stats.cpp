@@ -1,5 +1,6 @@
 // quadrig stats: the figures of polygon meshes.
 #include "command.hpp"
+#include "quadrig/closest.hpp"
 #include "quadrig/quality.hpp"
 
 namespace quadrig::cli {
@@ -43,6 +44,29 @@ std::optional<Quads> as_quads(const PolygonMesh& mesh) {
 
 Json row_json(const DeformationFigures::Row& row) {
   return {{"rms", row.rms}, {"p99", row.p99}, {"normal_degrees", row.normal_degrees}};
+}
+
+/// How the quads follow the rig. Vertices are taken to the closest point of the surface.
+Expected<Json> guidance_json(const Asset& asset, QuadMesh quads) {
+  const ClosestPoint surface(asset.mesh);
+  for (Index v = 0; v < quads.vertex_count(); ++v)
+    quads.source.push_back(surface.closest(quads.positions.row(v).transpose()));
+  const Expected<GuidanceFigures> g = guidance_figures(asset.mesh, *asset.rig, quads);
+  if (!g) return g.error();
+  const auto name = [&](Index bone) { return asset.rig->skeleton.bones[static_cast<std::size_t>(bone)].name; };
+  Json density = Json::object(), loops = Json::object();
+  for (const RegionDensity& region : g->regions)
+    density[region.bone == no_index ? "blending" : name(region.bone)] = region.density();
+  for (Index b = 0; b < asset.rig->skeleton.bone_count(); ++b)
+    if (asset.rig->skeleton.bones[static_cast<std::size_t>(b)].parent != no_index)
+      loops[name(b)] = g->hinge_loops[static_cast<std::size_t>(b)];
+  return Json{{"bone_angle_mean_degrees", g->bone_angle_mean_degrees},
+              {"bone_angle_median_degrees", g->bone_angle_median_degrees},
+              {"bone_angle_p99_degrees", g->bone_angle_p99_degrees},
+              {"bone_edges", g->bone_edges},
+              {"irregular_where_blending", g->irregular_where_blending},
+              {"density", density},
+              {"hinge_loops", loops}};
 }
 
 Expected<Json> figures(const std::filesystem::path& path, const Options& options, const LoadedAsset* input,
@@ -117,6 +141,11 @@ Expected<Json> figures(const std::filesystem::path& path, const Options& options
                          {{"average", d->scaled_jacobian_average},
                           {"minimum", d->scaled_jacobian_minimum},
                           {"negative", d->scaled_jacobian_negative}}}};
+  if (broken.empty()) {
+    const Expected<Json> guidance = guidance_json(input->asset, QuadMesh{mesh->positions, *as_quads(*mesh), {}});
+    if (!guidance) return in_file(guidance.error());
+    out["guidance"] = *guidance;
+  }
   return out;
 }
 
@@ -203,7 +232,8 @@ void add_stats(CLI::App& app, Run& run) {
   verb->add_flag("--json", options->json, "Print the figures as JSON");
   verb->footer(R"(A mesh is valid where it is of quads alone, manifold and consistently oriented, without degenerate or
 duplicate faces, and no quad has a scaled Jacobian of 0 or less. Distances are in diagonals of the input; bending
-(each bone by 60 degrees both ways about two axes) in 1e-4 of it.
+(each bone by 60 degrees both ways about two axes) in 1e-4 of it. Guidance: the angle between edges and the bone that
+rules them, quads a unit area by ruling bone (1: the mean), and closed edge loops round the joint where each bone hangs.
 
 Examples:
   quadrig stats quads.obj

@@ -14,9 +14,16 @@ Expected<PolygonMesh> read_surface(const std::filesystem::path& path, const File
 }
 
 Expected<LoadedAsset> load_asset(const AssetFiles& files, const LoadOptions& options, Context& context) {
-  if (files.rig.empty() != files.weights.empty())
-    return Error{ErrorCode::bad_option, files.rig.empty() ? "weights without a rig" : "a rig without weights",
-                 (files.rig.empty() ? files.weights : files.rig).string(), "give both files or neither"};
+  if (files.rig.empty() && !files.weights.empty())
+    return Error{ErrorCode::bad_option, "weights without a rig", files.weights.string(), "give both files or neither"};
+  if (options.bind && (files.rig.empty() || !files.weights.empty()))
+    return Error{ErrorCode::bad_option,
+                 files.rig.empty() ? "no bones to bind to" : "weights are given, so there is nothing to bind",
+                 (files.rig.empty() ? files.mesh : files.weights).string(),
+                 files.rig.empty() ? "give a rig, or ask for no binding" : "leave out one of the two"};
+  if (!options.bind && !files.rig.empty() && files.weights.empty())
+    return Error{ErrorCode::bad_option, "a rig without weights", files.rig.string(),
+                 "give weights, or ask for them to be made (--bind voxel)"};
   const auto in_file = [](Error error, const std::filesystem::path& path) {
     error.where = path.string() + (error.where.empty() ? "" : ", " + error.where);
     return error;
@@ -35,19 +42,21 @@ Expected<LoadedAsset> load_asset(const AssetFiles& files, const LoadOptions& opt
         if (!bone.has_direction)
           return Error{ErrorCode::bad_input, bone.name + " has zero length", files.rig.string(),
                        "mend the file, or leave out the strict option"};
-    Expected<Eigen::MatrixXd> dense = read_dmat(files.weights, options.limits);
-    if (!dense) return dense.error();
-    if (dense->cols() != skeleton->bone_count())
-      return Error{ErrorCode::bad_input,
-                   std::to_string(dense->cols()) + " columns of weights for the " +
-                       std::to_string(skeleton->bone_count()) + " bones of " + files.rig.string(),
-                   files.weights.string(), "give one column for each bone"};
-    if (dense->rows() != polygons->vertex_count())
-      return Error{ErrorCode::bad_input,
-                   std::to_string(dense->rows()) + " rows of weights for the " +
-                       std::to_string(polygons->vertex_count()) + " vertices of " + files.mesh.string(),
-                   files.weights.string(), "give one row for each vertex"};
-    weights = dense->sparseView();
+    if (!files.weights.empty()) {
+      Expected<Eigen::MatrixXd> dense = read_dmat(files.weights, options.limits);
+      if (!dense) return dense.error();
+      if (dense->cols() != skeleton->bone_count())
+        return Error{ErrorCode::bad_input,
+                     std::to_string(dense->cols()) + " columns of weights for the " +
+                         std::to_string(skeleton->bone_count()) + " bones of " + files.rig.string(),
+                     files.weights.string(), "give one column for each bone"};
+      if (dense->rows() != polygons->vertex_count())
+        return Error{ErrorCode::bad_input,
+                     std::to_string(dense->rows()) + " rows of weights for the " +
+                         std::to_string(polygons->vertex_count()) + " vertices of " + files.mesh.string(),
+                     files.weights.string(), "give one row for each vertex"};
+      weights = dense->sparseView();
+    }
   }
   Expected<Prepared> prepared = prepare(*polygons, weights ? &*weights : nullptr, options.prepare, context);
   if (!prepared) {
@@ -56,6 +65,12 @@ Expected<LoadedAsset> load_asset(const AssetFiles& files, const LoadOptions& opt
   }
   LoadedAsset loaded;
   loaded.asset.mesh = std::move(prepared->mesh);
+  if (skeleton && !weights) {
+    Expected<BoundWeights> bound = bind_weights(loaded.asset.mesh, *skeleton, *options.bind, context);
+    if (!bound) return in_file(bound.error(), files.rig);
+    context.warn("bind", bound->summary(*options.bind));
+    prepared->weights = std::move(bound->weights);
+  }
   if (skeleton) loaded.asset.rig = Rig{std::move(*skeleton), std::move(*prepared->weights), {}};
   loaded.source_vertex = std::move(prepared->source_vertex);
   loaded.source_polygon = std::move(prepared->source_polygon);
