@@ -9,7 +9,7 @@ namespace quadrig {
 struct PolishOptions {
   int rounds = 8;
   double accepted = 0.6;  ///< a move may not push a scaled Jacobian below this, or below what it was
-  double freed = 0.1;     ///< patches around quads below this are evened out, and the rounds repeated
+  double freed = 0.3;     ///< patches around quads below this are evened out, and the rounds repeated
   double wanted = 0.5;    ///< vertices of quads below this are also searched for a better place
 };
 

@@ -441,6 +441,7 @@ class Quantizer {
       waited = 0;
     }
     if (miss < options.tolerance / 4) break;
+    if (miss > 0.5 && waited > 1) break;  // the surface has its own mind about the count
     // Towards the count; halfway between two sizes that miss it on either side where that leads past one of them.
     (quads < options.target_quads ? below : above) = scale;
     const double low = std::min(below, above), high = std::max(below, above);

@@ -82,11 +82,30 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
   std::vector<Attempt> attempts{{0.5, 1.5, true}, {1, 1.0, true}, {1, 0, true}, {2, 0.7, false}, {4, 0, false}};
   if (original.asset.mesh.face_count() > std::max<Index>(20'000, 3 * stand_in_faces))
     attempts.insert(attempts.begin(), {0.5, 0, true});
+  // The best so far of quads that are valid but poor, with the surface that they lie on.
+  struct Best {
+    QuadMesh quads;
+    double least;
+    TriangleMesh<double> surface;
+    std::vector<Index> parent;
+    Rung rung;
+    Index singularities;
+    FieldReport field;
+  };
+  std::optional<Best> best;
+  int poor = 0;
+  const auto settle = [&] {
+    result.report.rung = best->rung;
+    result.report.singularities = best->singularities;
+    result.field = std::move(best->field);
+    finish(best->surface, best->parent, std::move(best->quads));
+    return std::move(result);
+  };
   int flat = 0;  // valid maps whose quads would lie flat in space: another field seldom helps
   static constexpr int max_operations = 3;
   for (const Attempt& attempt : attempts) {
     if (context.cancelled()) return cancelled_error("remesh");
-    if (flat > 2) break;
+    if (flat > 2 || (best && flat > 0)) break;
     const auto leave = [&](const std::string& reason) {
       result.report.reasons.push_back("smoothing over " + std::to_string(attempt.smoothing).substr(0, 3) +
                                       " quads: " + reason);
@@ -192,12 +211,20 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
       Expected<MapOutput> mapped = pinned ? map_stage<double>(input, options, result.seconds, trouble, context)
                                           : map_stage<Complex>(input, options, result.seconds, trouble, context);
       if (mapped) {
+        const bool good = mapped->least > fine_enough;
+        if (!best || mapped->least > best->least) {
+          best = Best{std::move(mapped->quads),
+                      mapped->least,
+                      projection ? original.asset.mesh : mesh,
+                      surface_parent,
+                      mapped->rung,
+                      field->singularities.plus + field->singularities.minus,
+                      field->report};
+        }
         for (const std::string& reason : mapped->reasons) leave(reason);
-        result.report.rung = mapped->rung;
-        result.report.singularities = field->singularities.plus + field->singularities.minus;
-        result.field = std::move(field->report);
-        finish(surface, surface_parent, std::move(mapped->quads));
-        return result;
+        if (good || ++poor > 2) return settle();
+        leave("least scaled Jacobian " + std::to_string(mapped->least).substr(0, 4));
+        break;
       }
       if (mapped.error().code == ErrorCode::cancelled) return mapped.error();
       leave(mapped.error().what);
@@ -207,6 +234,7 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
     }
   }
 
+  if (best) return settle();
   SplitOptions split_options;
   split_options.quads = std::max<Index>(1, static_cast<Index>(std::lround(quads)));
   split_options.polish = options.polish;

@@ -10,6 +10,9 @@
 
 namespace quadrig::detail {
 
+/// Quads of a greater least scaled Jacobian than this are not tried to be bettered on another way.
+inline constexpr double fine_enough = 0.3;
+
 /// What the map of one component starts from.
 struct MapInput {
   const TriangleMesh<double>& mesh;
@@ -26,6 +29,7 @@ struct MapInput {
 struct MapOutput {
   QuadMesh quads;
   Rung rung = Rung::fine_map;
+  double least = 0;  ///< scaled Jacobian
   std::vector<std::string> reasons;
 };
 
@@ -174,7 +178,7 @@ template <class K>
   if (integers->quads > 2 * std::max(in.quads, 20.0 * static_cast<double>(singular + 1)))
     return map_error("the map needs " + std::to_string(static_cast<Index>(integers->quads)) + " quads");
 
-  constexpr double sound = 0.05, fine_enough = 0.3;  // least scaled Jacobians: below the first, another way is better
+  constexpr double sound = 0.05;  // least scaled Jacobian: below it, another way is better
   const auto polished = [&](QuadMesh quads) {
     const PolishReport report = polish(in.surface, options.polish, quads, context);
     lap(seconds.polish);
@@ -218,6 +222,7 @@ template <class K>
     fine = polished(std::move(*fine_quads));
     if (fine->second.least_after > fine_enough) {
       out.quads = std::move(fine->first);
+      out.least = fine->second.least_after;
       return out;
     }
   } else if (fine_quads.error().code == ErrorCode::cancelled) {
@@ -228,12 +233,14 @@ template <class K>
   auto [quads, report] = polished(std::move(*coarse_quads));
   if (fine && fine->second.least_after > std::max(sound, report.least_after - 0.1)) {
     out.quads = std::move(fine->first);
+    out.least = fine->second.least_after;
     return out;
   }
   if (fine) out.reasons.push_back("fine map: a quad stays flat or inverted in space");
   out.rung = Rung::coarse_map;
   if (!(report.least_after > sound)) return map_error("coarse map: a quad stays flat or inverted in space");
   out.quads = std::move(quads);
+  out.least = report.least_after;
   return out;
 }
 

@@ -184,13 +184,20 @@ class Polisher {
   [[nodiscard]] double least(Index v) const {
     constexpr double turned = -0.05;
     double worst = 1;
-    const Vector3 normal = mesh_.normal(quads_.source[at(v)].face);
+    // On a rim both sides are the surface's.
+    const SurfacePoint& here = quads_.source[at(v)];
+    std::array<Index, 4> sides{here.face, no_index, no_index, no_index};
+    for (int i = 0; i < 3; ++i)
+      if (const Index g = mesh_.twin(3 * here.face + i); g != no_index && here.barycentric[(i + 2) % 3] < 0.05)
+        sides[static_cast<std::size_t>(i + 1)] = g / 3;
     for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k) {
       const Index q = incident_[k] / 4;
       const Eigen::Matrix<Index, 1, 4> quad = quads_.quads.row(q);
       double j = scaled_jacobian(quads_.positions, quad);
       const Vector3 n = (point(quad[2]) - point(quad[0])).cross(point(quad[3]) - point(quad[1]));
-      if (n.dot(normal) < -0.5 * n.norm()) j = std::min(j, turned);
+      if (j > turned && std::all_of(sides.begin(), sides.end(),
+                                    [&](Index f) { return f == no_index || n.dot(mesh_.normal(f)) < -0.5 * n.norm(); }))
+        j = turned;
       worst = std::min(worst, j);
     }
     return worst;
