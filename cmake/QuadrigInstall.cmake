@@ -18,6 +18,9 @@ if(TARGET quadrig_picture_cli AND QUADRIG_BUILD_CLI)
 endif()
 install(EXPORT quadrig_targets NAMESPACE quadrig:: DESTINATION "${quadrig_cmake_dir}")
 
+get_property(quadrig_decoders GLOBAL PROPERTY quadrig_decoders)
+list(TRANSFORM quadrig_decoders REPLACE "(.+)" " -l\\1" OUTPUT_VARIABLE quadrig_io_libs)
+list(JOIN quadrig_io_libs "" quadrig_io_libs)
 configure_package_config_file("${CMAKE_CURRENT_LIST_DIR}/quadrig-config.cmake.in"
   "${PROJECT_BINARY_DIR}/quadrig-config.cmake" INSTALL_DESTINATION "${quadrig_cmake_dir}")
 write_basic_package_version_file("${PROJECT_BINARY_DIR}/quadrig-config-version.cmake" COMPATIBILITY SameMinorVersion)

@@ -38,11 +38,7 @@ Expected<std::string_view> view_bytes(State& state, std::size_t i, std::size_t& 
   const std::string where = numbered("bufferViews", i);
   const Expected<const Json*> json = entry(state, "bufferViews", i, where);
   if (!json) return json.error();
-  if (const Json* extensions = member(**json, "extensions"))
-    for (const char* name : {"EXT_meshopt_compression", "KHR_meshopt_compression"})
-      if (member(*extensions, name))
-        return state.unsupported(where, std::string("is compressed with ") + name + ", which this build does not read",
-                                 "decompress the file first");
+  if (std::string name; compression_of(**json, name)) return unpacked_view(state, i, stride);
   const Expected<std::size_t> buffer = whole_member(state, **json, "buffer", where);
   if (!buffer) return buffer.error();
   const Expected<std::size_t> offset = whole_member(state, **json, "byteOffset", where, 0);

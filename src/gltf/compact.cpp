@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <map>
 
-#include "document.hpp"
+#include "reader.hpp"
 
 namespace quadrig::gltf {
 namespace {
@@ -17,6 +17,14 @@ void each_view_reference(Json& document, function_ref<void(Json&)> visit) {
     if (!parent.is_object()) return;
     if (const auto found = parent.find("bufferView"); found != parent.end()) visit(*found);
   };
+  if (document.contains("meshes") && document["meshes"].is_array())
+    for (Json& mesh : document["meshes"]) {
+      if (!mesh.is_object() || !mesh.contains("primitives") || !mesh["primitives"].is_array()) continue;
+      for (Json& primitive : mesh["primitives"])
+        if (primitive.is_object() && primitive.contains("extensions") && primitive["extensions"].is_object() &&
+            primitive["extensions"].contains(draco_name))
+          value(primitive["extensions"][draco_name]);
+    }
   for (const char* array : {"accessors", "images"}) {
     if (!document.contains(array) || !document[array].is_array()) continue;
     for (Json& one : document[array]) {

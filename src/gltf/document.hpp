@@ -1,6 +1,7 @@
 // What the sources of the glTF layer share: the document's insides and checked access to its JSON.
 #pragma once
 
+#include <map>
 #include <set>
 
 #include <nlohmann/json.hpp>
@@ -36,6 +37,7 @@ struct GltfDocument::State {
   gltf::Json json;
   std::vector<gltf::Chunk> chunks;  ///< of a .glb, in order, the JSON among them
   std::vector<gltf::Buffer> buffers;
+  std::map<std::size_t, std::string> unpacked;  ///< bytes of views that are stored compressed, once asked for
   bool edited = false;
 
   [[nodiscard]] Error bad(std::string where, std::string what, std::string remedy = "export the file again") const {
@@ -94,6 +96,13 @@ using State = GltfDocument::State;
 [[nodiscard]] Expected<std::string_view> buffer_bytes(State& state, std::size_t i);
 /// The bytes of a buffer view. \fails bad_input where it is not within its buffer; unsupported where it is compressed
 [[nodiscard]] Expected<std::string_view> view_bytes(State& state, std::size_t i, std::size_t& stride);
+
+// compressed.cpp
+/// The extension that compresses the view, or null, with its name.
+[[nodiscard]] const Json* compression_of(const Json& view, std::string& name);
+/// The bytes of a compressed view as they are without compression. \fails bad_input; unsupported in a build without
+/// meshoptimizer
+[[nodiscard]] Expected<std::string_view> unpacked_view(State& state, std::size_t i, std::size_t& stride);
 
 // accessor.cpp
 /// How much one request may still read.

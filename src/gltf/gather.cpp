@@ -3,37 +3,6 @@
 
 namespace quadrig::gltf {
 
-Status read_indices(State& state, const Json& json, const std::string& where, std::size_t vertices, Budget& budget,
-                    Cache& cache, std::vector<std::size_t>& list) {
-  if (!member(json, "indices")) {
-    for (std::size_t v = 0; v < vertices; ++v) list.push_back(v);
-    return {};
-  }
-  const Expected<std::size_t> number = whole_member(state, json, "indices", where);
-  if (!number) return number.error();
-  const auto values = read_cached(state, *number, budget, cache);
-  if (!values) return values.error();
-  if ((*values)->cols() != 1) return state.bad(where + ".indices", "are not single numbers");
-  for (Eigen::Index k = 0; k < (*values)->rows(); ++k) {
-    const double v = (**values)(k, 0);
-    if (!(v >= 0 && v < static_cast<double>(vertices)) || std::floor(v) != v)
-      return state.bad(where + ".indices", "name vertex " + std::to_string(v) + " of " + std::to_string(vertices));
-    list.push_back(static_cast<std::size_t>(v));
-  }
-  return {};
-}
-
-Expected<std::shared_ptr<const Values>> Gatherer::attribute(const Json& json, const std::string& where,
-                                                            std::optional<std::size_t> rows) {
-  const auto number = whole(json);
-  if (!number) return state_.bad(where, "is not the number of an accessor");
-  auto values = read_cached(state_, *number, budget_, cache_);
-  if (!values) return values.error();
-  if (rows && static_cast<std::size_t>((*values)->rows()) != *rows)
-    return state_.bad(where, "has another count than POSITION");
-  return values;
-}
-
 std::size_t Gatherer::column(const std::string& name, std::size_t target, Eigen::Index width) {
   const auto [place, is_new] = columns_.try_emplace({name, target, width}, out_.attributes.size());
   if (!is_new) return place->second;
@@ -42,8 +11,8 @@ std::size_t Gatherer::column(const std::string& name, std::size_t target, Eigen:
   return place->second;
 }
 
-Status Gatherer::morphs(const Json& targets, const std::string& where, std::size_t vertices, Primitive& primitive,
-                        std::vector<Loose>& loose) {
+Status Gatherer::morphs(const PrimitiveReader& reader, const Json& targets, const std::string& where,
+                        Primitive& primitive, std::vector<Loose>& loose) {
   primitive.targets = targets.size();
   for (std::size_t t = 0; t < targets.size(); ++t)
     for (const char* name : {"POSITION", "NORMAL"}) {
@@ -54,7 +23,7 @@ Status Gatherer::morphs(const Json& targets, const std::string& where, std::size
       primitive.attributes.push_back(own);
       if (!moved) continue;
       const std::string there = where + "." + numbered("targets", t) + "." + name;
-      const auto values = attribute(*moved, there, vertices);
+      const auto values = reader.values({}, *moved, there);
       if (!values) return values.error();
       if ((*values)->cols() != 3) return state_.bad(there, "is not of three numbers");
       loose.push_back({own, *values});
@@ -64,24 +33,16 @@ Status Gatherer::morphs(const Json& targets, const std::string& where, std::size
 
 Status Gatherer::add(std::size_t mesh, std::size_t number, const Json& json) {
   const std::string where = numbered("meshes", mesh) + "." + numbered("primitives", number);
-  const Expected<std::size_t> mode = whole_member(state_, json, "mode", where, 4);
-  if (!mode) return mode.error();
   const Json* attributes = member(json, "attributes");
-  if (!attributes || !attributes->is_object()) return state_.bad(where, "has no attributes");
-  const Json* position = member(*attributes, "POSITION");
-  if (*mode < 4 || *mode > 6 || !position) return {};
-  const bool has_joints = member(*attributes, "JOINTS_0") && member(*attributes, "WEIGHTS_0");
+  const bool has_joints = attributes && member(*attributes, "JOINTS_0") && member(*attributes, "WEIGHTS_0");
   if (has_joints != (joints_ > 0)) return {};
-  if (const Json* extensions = member(json, "extensions"))
-    if (member(*extensions, "KHR_draco_mesh_compression"))
-      return state_.unsupported(where, "is compressed with KHR_draco_mesh_compression, which this build does not read",
-                                "decompress the file first");
-  const auto points = attribute(*position, where + ".POSITION", std::nullopt);
-  if (!points) return points.error();
-  if ((*points)->cols() != 3) return state_.bad(where + ".POSITION", "is not of three numbers");
-  const auto vertices = static_cast<std::size_t>((*points)->rows());
-  std::vector<std::size_t> list;
-  if (Status status = read_indices(state_, json, where, vertices, budget_, cache_, list); !status) return status;
+  const Expected<PrimitiveReader> opened = PrimitiveReader::open(state_, json, where, budget_, cache_);
+  if (!opened) return opened.error();
+  const PrimitiveReader& reader = *opened;
+  if (!reader.is_surface()) return {};
+  const Values& points = reader.positions();
+  const std::size_t vertices = reader.vertices();
+  const std::vector<std::size_t>& list = reader.corners();
 
   // What the vertices carry.
   Primitive primitive;
@@ -95,35 +56,35 @@ Status Gatherer::add(std::size_t mesh, std::size_t number, const Json& json) {
       continue;
     if (!name.starts_with("TEXCOORD_") && !name.starts_with("COLOR_") && !name.starts_with("_") && name != "NORMAL")
       continue;
-    const auto values = attribute(accessor, there, vertices);
+    const auto values = reader.values(name, accessor, there);
     if (!values) return values.error();
     if ((*values)->cols() > 4) continue;
     loose.push_back({column(name, Attribute::no_target, (*values)->cols()), *values});
     primitive.attributes.push_back(loose.back().attribute);
   }
   for (std::size_t set = 0; joints_ > 0; ++set) {
-    const Json* joints = member(*attributes, ("JOINTS_" + std::to_string(set)).c_str());
-    const Json* shares = member(*attributes, ("WEIGHTS_" + std::to_string(set)).c_str());
+    const std::string joints_name = "JOINTS_" + std::to_string(set), shares_name = "WEIGHTS_" + std::to_string(set);
+    const Json *joints = member(*attributes, joints_name.c_str()), *shares = member(*attributes, shares_name.c_str());
     if (!joints || !shares) break;
-    const auto a = attribute(*joints, where + ".JOINTS", vertices),
-               b = attribute(*shares, where + ".WEIGHTS", vertices);
+    const auto a = reader.values(joints_name, *joints, where + "." + joints_name),
+               b = reader.values(shares_name, *shares, where + "." + shares_name);
     if (!a) return a.error();
     if (!b) return b.error();
     if ((*a)->cols() != 4 || (*b)->cols() != 4) return state_.bad(where, "has joints or weights not by four");
     sets.emplace_back(*a, *b);
   }
-  if (Status status = morphs(array_of(json, "targets"), where, vertices, primitive, loose); !status) return status;
+  if (Status status = morphs(reader, array_of(json, "targets"), where, primitive, loose); !status) return status;
 
   // Vertices that triangles use, in their first order.
   const std::size_t width = out_.attributes.empty()
                                 ? 0
                                 : static_cast<std::size_t>(out_.attributes.back().first + out_.attributes.back().width);
-  if (!(*points)->allFinite()) return state_.bad(where + ".POSITION", "has numbers that are not finite");
+  if (!points.allFinite()) return state_.bad(where + ".POSITION", "has numbers that are not finite");
   std::vector<Index> renumbered(vertices, no_index);
   const auto vertex = [&](std::size_t v) {
     if (renumbered[v] != no_index) return renumbered[v];
     renumbered[v] = static_cast<Index>(positions_.size());
-    positions_.push_back((*points)->row(static_cast<Eigen::Index>(v)).transpose());
+    positions_.push_back(points.row(static_cast<Eigen::Index>(v)).transpose());
     std::vector<double>& row = rows_.emplace_back(width, 0.0);
     for (const Loose& one : loose)
       for (Eigen::Index k = 0; k < one.values->cols(); ++k)
@@ -139,7 +100,7 @@ Status Gatherer::add(std::size_t mesh, std::size_t number, const Json& json) {
       }
     return renumbered[v];
   };
-  const std::size_t corners = list.size(), count = triangle_count(*mode, corners);
+  const std::size_t corners = list.size(), count = triangle_count(reader.mode(), corners);
   if (positions_.size() + std::min(vertices, corners) > 700'000'000U || triangles_.size() + count > 700'000'000U)
     return state_.unsupported(where, "makes the surface larger than 2^31 / 3", "use a smaller file");
   // Every corner and vertex is copied with what it carries: that counts against the limit too.
@@ -149,7 +110,7 @@ Status Gatherer::add(std::size_t mesh, std::size_t number, const Json& json) {
                       "use a smaller file or raise the limit");
   budget_.values -= copied;
   for (std::size_t t = 0; t < count; ++t) {
-    const std::array<std::size_t, 3> own = triangle_of(*mode, list, t);
+    const std::array<std::size_t, 3> own = triangle_of(reader.mode(), list, t);
     const Index a = vertex(own[0]), b = vertex(own[1]), c = vertex(own[2]);
     triangles_.push_back({a, b, c});
     out_.triangle_primitive.push_back(static_cast<Index>(out_.primitives.size()));

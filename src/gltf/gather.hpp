@@ -7,6 +7,7 @@
 #include <tuple>
 
 #include "nodes.hpp"
+#include "reader.hpp"
 
 namespace quadrig::gltf {
 
@@ -58,21 +59,6 @@ struct RawWeights {
 [[nodiscard]] VertexWeights mend_weights(RawWeights raw, const Triangles& triangles, const Points<double>& positions,
                                          Index joints, GltfRepairs& repairs);
 
-/// Vertices of the corners, or 0 1 2 … where the primitive has no indices. \fails bad_input, unsupported
-[[nodiscard]] Status read_indices(State& state, const Json& primitive, const std::string& where, std::size_t vertices,
-                                  Budget& budget, Cache& cache, std::vector<std::size_t>& list);
-/// How many triangles a list of corners makes, and which: mode 4 triangles, 5 strip, 6 fan.
-[[nodiscard]] inline std::size_t triangle_count(std::size_t mode, std::size_t corners) {
-  return mode == 4 ? corners / 3 : corners < 3 ? 0 : corners - 2;
-}
-[[nodiscard]] inline std::array<std::size_t, 3> triangle_of(std::size_t mode, const std::vector<std::size_t>& list,
-                                                            std::size_t t) {
-  if (mode == 4) return {list[3 * t], list[3 * t + 1], list[3 * t + 2]};
-  if (mode == 6) return {list[0], list[t + 1], list[t + 2]};
-  if (t % 2 == 0) return {list[t], list[t + 1], list[t + 2]};
-  return {list[t + 1], list[t], list[t + 2]};
-}
-
 /// Reads the primitives of one surface one after another.
 class Gatherer {
  public:
@@ -90,10 +76,8 @@ class Gatherer {
     std::size_t attribute;
     std::shared_ptr<const Values> values;
   };
-  [[nodiscard]] Expected<std::shared_ptr<const Values>> attribute(const Json& json, const std::string& where,
-                                                                  std::optional<std::size_t> rows);
-  [[nodiscard]] Status morphs(const Json& targets, const std::string& where, std::size_t vertices, Primitive& primitive,
-                              std::vector<Loose>& loose);
+  [[nodiscard]] Status morphs(const PrimitiveReader& reader, const Json& targets, const std::string& where,
+                              Primitive& primitive, std::vector<Loose>& loose);
   [[nodiscard]] std::size_t column(const std::string& name, std::size_t target, Eigen::Index width);
 
   State& state_;

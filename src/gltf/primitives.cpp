@@ -134,6 +134,10 @@ Json PrimitiveBuilder::write(State& state, const Json& old, const Gathered& gath
   result["attributes"] = std::move(attributes);
   result["indices"] = append_accessor(state, made);
   if (member(result, "mode")) result["mode"] = 4;
+  if (const Json* extensions = member(result, "extensions"); extensions && member(*extensions, draco_name)) {
+    result["extensions"].erase(draco_name);
+    if (result["extensions"].empty()) result.erase("extensions");
+  }
   if (primitive.targets > 0) result["targets"] = std::move(targets);
   return result;
 }

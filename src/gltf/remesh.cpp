@@ -211,6 +211,23 @@ void write_back(State& state, const Job& job, GltfRemeshed& done, bool source_ma
   }
 }
 
+/// Takes an extension of primitives off the lists of the file where no primitive has it any more.
+void drop_unused_extension(State& state, const char* name) {
+  for (const Json& mesh : array_of(state.json, "meshes"))
+    for (const Json& primitive : array_of(mesh, "primitives"))
+      if (const Json* extensions = member(primitive, "extensions"); extensions && member(*extensions, name)) return;
+  for (const char* list : {"extensionsUsed", "extensionsRequired"}) {
+    if (array_of(state.json, list).empty()) continue;
+    Json kept = Json::array();
+    for (const Json& one : state.json[list])
+      if (one != name) kept.push_back(one);
+    if (kept.empty())
+      state.json.erase(list);
+    else
+      state.json[list] = std::move(kept);
+  }
+}
+
 /// Numbers of a surface's primitives, counted over all meshes of the file.
 /// \fails unsupported where a float cannot hold the number of a triangle
 Status number_primitives(const State& state, Job& job) {
@@ -296,6 +313,7 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
     }
     all[s].surface = std::move(jobs[s].gathered.surface);
   }
+  gltf::drop_unused_extension(state, gltf::draco_name);
   gltf::reuse_accessors(state, first_new, before);
   gltf::drop_unused_bytes(state, first_view, views_before);
   return all;

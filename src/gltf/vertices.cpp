@@ -24,21 +24,11 @@ const Json* named_accessor(const Json& primitive, std::string_view name) {
 
 Status read_vertices(State& state, const Json& primitive, const std::string& where, std::string_view name,
                      Budget& budget, Cache& cache, GltfVertices& out) {
-  const Expected<std::size_t> mode = whole_member(state, primitive, "mode", where, 4);
-  if (!mode) return mode.error();
-  const Json* position = named_accessor(primitive, "POSITION");
-  if (*mode < 4 || *mode > 6 || !position) return {};
-  const auto read = [&](const Json& accessor) -> Expected<std::shared_ptr<const Values>> {
-    const auto number = whole(accessor);
-    if (!number) return state.bad(where, "is not the number of an accessor");
-    return read_cached(state, *number, budget, cache);
-  };
-  const auto points = read(*position);
-  if (!points) return points.error();
-  if ((*points)->cols() != 3) return state.bad(where + ".POSITION", "is not of three numbers");
-  std::vector<std::size_t> list;
-  const auto vertices = static_cast<std::size_t>((*points)->rows());
-  if (Status status = read_indices(state, primitive, where, vertices, budget, cache, list); !status) return status;
+  const Expected<PrimitiveReader> reader = PrimitiveReader::open(state, primitive, where, budget, cache);
+  if (!reader) return reader.error();
+  if (!reader->is_surface()) return {};
+  const std::size_t vertices = reader->vertices();
+  const std::vector<std::size_t>& list = reader->corners();
   const auto spend = [&](std::size_t numbers) -> Status {
     if (numbers > budget.values)
       return state.bad(where, "asks for more numbers than the limit of " + std::to_string(state.limits.values),
@@ -46,18 +36,17 @@ Status read_vertices(State& state, const Json& primitive, const std::string& whe
     budget.values -= numbers;
     return {};
   };
-  if (Status status = spend(3 * vertices + 3 * triangle_count(*mode, list.size())); !status) return status;
-  out.positions = **points;
-  out.triangles.resize(static_cast<Eigen::Index>(triangle_count(*mode, list.size())), 3);
+  if (Status status = spend(3 * vertices + 3 * triangle_count(reader->mode(), list.size())); !status) return status;
+  out.positions = reader->positions();
+  out.triangles.resize(static_cast<Eigen::Index>(triangle_count(reader->mode(), list.size())), 3);
   for (Eigen::Index t = 0; t < out.triangles.rows(); ++t) {
-    const auto own = triangle_of(*mode, list, static_cast<std::size_t>(t));
+    const auto own = triangle_of(reader->mode(), list, static_cast<std::size_t>(t));
     for (int i = 0; i < 3; ++i) out.triangles(t, i) = static_cast<Index>(own[static_cast<std::size_t>(i)]);
   }
   const Json* wanted = named_accessor(primitive, name);
   if (!wanted) return {};
-  const auto values = read(*wanted);
+  const auto values = reader->values(std::string(name), *wanted, where);
   if (!values) return values.error();
-  if ((*values)->rows() != (*points)->rows()) return state.bad(where, "has attributes of different counts");
   if (Status status = spend(static_cast<std::size_t>((*values)->size())); !status) return status;
   out.values = **values;
   return {};
