@@ -106,7 +106,8 @@ inline Expected<Eigen::MatrixXd> body_distances(const TriangleMesh<double>& mesh
     for (const auto& [cell, d] : from) offer(cell, d);
     for (std::size_t count = 0; !queue.empty(); ++count) {
       if (count % 4096 == 0 && context.cancelled()) return;
-      const auto [d, cell] = queue.top();
+      const double d = queue.top().first;  // named apart: clang before 16 does not capture structured bindings
+      const std::size_t cell = queue.top().second;
       queue.pop();
       if (static_cast<float>(d) > distance[cell]) continue;
       body.for_each_neighbour(cell, [&](std::size_t next, double step) {
