@@ -1,83 +1,205 @@
-// The solvers on the system of a smooth cross field: analysis, factorization and solve timed apart, residual checked.
+// The solvers on the system of a smooth cross field: ordering, analysis, factorization and solve timed apart, residual
+// checked. `--full`: every size up to 1.38M faces; `--matrix FILE.mtx`: on that system instead.
 #include "bench.hpp"
+#include "matrix_market.hpp"
 #include "quadrig/connection.hpp"
 #include "quadrig/solver.hpp"
 #include "quadrig/terms.hpp"
+#if defined(QUADRIG_BENCH_METIS)
+#include <metis.h>
+#endif
 
 namespace {
 
 using namespace quadrig;
 
-/// Smoothness of fourth powers with Dirichlet weights, drawn weakly to 1: one complex unknown a face.
-class System {
- public:
-  System(const std::string& mesh_name, Index faces) : form_(0) {
-    const TriangleMesh<double>& mesh = bench::sample(mesh_name, faces).mesh;
-    const Connection<double> connection(mesh);
-    const std::vector<double> smoothness = dirichlet_weights(mesh);
-    const auto m = static_cast<std::size_t>(mesh.face_count());
-    const std::vector<Complex> targets(m, 1.0);
-    std::vector<double> weights(m);
-    for (std::size_t f = 0; f < m; ++f) weights[f] = 1e3 * mesh.area(static_cast<Index>(f)) / mesh.total_area();
-    form_ = QuadraticForm<Complex>(mesh.face_count());
-    const Status status = form_.assemble(Smoothness<>(mesh, connection, 4, smoothness), Alignment<>(targets, weights));
-    if (!status) throw std::runtime_error(status.error().message());
-  }
-  [[nodiscard]] HermitianView<Complex> matrix() const { return form_.matrix(); }
-  [[nodiscard]] std::span<const Complex> rhs() const { return form_.rhs(); }
-
-  static const System& get(const std::string& mesh, Index faces) {
-    static std::map<std::pair<std::string, Index>, std::unique_ptr<System>> made;
-    auto& system = made[{mesh, faces}];
-    if (!system) system = std::make_unique<System>(mesh, faces);
-    return *system;
-  }
-
- private:
-  QuadraticForm<Complex> form_;
+struct System {
+  HermitianMatrix<Complex> matrix;
+  std::vector<Complex> rhs;
 };
+
+/// Smoothness of fourth powers with Dirichlet weights, drawn weakly to 1: one complex unknown a face. The last is kept.
+const System& field_system(const std::string& name, int levels) {
+  static std::pair<std::string, int> kept_key;
+  static std::unique_ptr<System> kept;
+  if (kept && kept_key == std::pair(name, levels)) return *kept;
+  kept.reset();
+  const TriangleMesh<double>& mesh = bench::surface(name, levels);
+  const Connection<double> connection(mesh);
+  const std::vector<double> smoothness = dirichlet_weights(mesh);
+  const auto m = static_cast<std::size_t>(mesh.face_count());
+  const double area = mesh.total_area();
+  const std::vector<Complex> targets(m, 1.0);
+  std::vector<double> weights(m);
+  for (std::size_t f = 0; f < m; ++f) weights[f] = 1e3 * mesh.area(static_cast<Index>(f)) / area;
+  QuadraticForm<Complex> form(mesh.face_count());
+  const Status status = form.assemble(Smoothness<>(mesh, connection, 4, smoothness), Alignment<>(targets, weights));
+  if (!status) throw std::runtime_error(status.error().message());
+  const auto A = form.matrix();
+  kept = std::make_unique<System>(System{{A.size,
+                                          {A.column_starts.begin(), A.column_starts.end()},
+                                          {A.rows.begin(), A.rows.end()},
+                                          {A.values.begin(), A.values.end()}},
+                                         {form.rhs().begin(), form.rhs().end()}});
+  kept_key = {name, levels};
+  return *kept;
+}
 
 enum class Step { analyze, factorize, solve };
 
-void run(benchmark::State& state, Step step, const std::string& backend, const std::string& mesh, Index faces) {
-  const System& system = System::get(mesh, faces);
+void run(benchmark::State& state, Step step, const std::string& backend, const System& system) {
   Context context;
   context.threads = 1;
   auto solver = make_solver<Complex>(backend);
   if (!solver) return state.SkipWithError(solver.error().message().c_str());
-  std::vector<Complex> x(system.rhs().size());
-  Status status = solver->analyze(system.matrix(), {}, context);
-  if (status) status = solver->factorize(system.matrix(), context);
-  if (status) status = solver->solve(system.rhs(), x, context).status;
-  if (!status) return state.SkipWithError(status.error().message().c_str());
-  for (auto _ : state) {
-    if (step == Step::analyze) benchmark::DoNotOptimize(solver->analyze(system.matrix(), {}, context).ok());
-    if (step == Step::factorize) benchmark::DoNotOptimize(solver->factorize(system.matrix(), context).ok());
-    if (step == Step::solve) benchmark::DoNotOptimize(solver->solve(system.rhs(), x, context).status.ok());
+  const HermitianView<Complex> A = system.matrix.view();
+  std::vector<Complex> x(system.rhs.size());
+  const auto analyze = [&] { return solver->analyze(A, {}, context); };
+  Status status;
+  bool timed = false;
+  if (step == Step::analyze && state.max_iterations == 1) {
+    for (auto _ : state) status = analyze();  // once is enough, and all there is time for
+    timed = true;
+  } else {
+    status = analyze();
   }
-  const double residual = relative_residual<Complex>(system.matrix(), x, system.rhs());
+  if (status) status = solver->factorize(A, context);
+  Index iterations = 0;
+  if (status) {
+    const SolveInfo info = solver->solve(system.rhs, x, context);
+    iterations = info.iterations;
+    status = info.status;
+  }
+  if (!status) return state.SkipWithError(status.error().message().c_str());
+  if (!timed)
+    for (auto _ : state) {
+      if (step == Step::analyze) benchmark::DoNotOptimize(analyze().ok());
+      if (step == Step::factorize) benchmark::DoNotOptimize(solver->factorize(A, context).ok());
+      if (step == Step::solve) benchmark::DoNotOptimize(solver->solve(system.rhs, x, context).status.ok());
+    }
+  const double residual = relative_residual<Complex>(A, x, system.rhs);
   if (!(residual < 1e-9)) return state.SkipWithError("the residual is above 1e-9");
+  state.SetLabel(solver->description());
   state.counters["residual"] = residual;
-  state.counters["unknowns"] = static_cast<double>(x.size());
+  state.counters["iterations"] = iterations;
   state.counters["ns_a_face"] = benchmark::Counter(
       static_cast<double>(x.size()), benchmark::Counter::kIsIterationInvariantRate | benchmark::Counter::kInvert);
 }
 
+/// Orders of elimination: seconds, and the multiplications and entries of a factor under each.
+void order(benchmark::State& state, const std::string& method, const System& system) {
+  const HermitianView<Complex> A = system.matrix.view();
+  Context context;
+  context.threads = 1;
+  std::vector<Index> found;
+  if (method == "metis") {
+#if defined(QUADRIG_BENCH_METIS)
+    const auto n = static_cast<std::size_t>(A.size);
+    std::vector<std::vector<idx_t>> around(n);
+    for (std::size_t j = 0; j < n; ++j)
+      for (auto e = static_cast<std::size_t>(A.column_starts[j]); e < static_cast<std::size_t>(A.column_starts[j + 1]);
+           ++e)
+        if (A.rows[e] != static_cast<Index>(j)) {
+          around[j].push_back(A.rows[e]);
+          around[static_cast<std::size_t>(A.rows[e])].push_back(static_cast<idx_t>(j));
+        }
+    std::vector<idx_t> starts{0}, neighbors, permutation(n), inverse(n);
+    for (const auto& each : around) {
+      neighbors.insert(neighbors.end(), each.begin(), each.end());
+      starts.push_back(static_cast<idx_t>(neighbors.size()));
+    }
+    auto size = static_cast<idx_t>(A.size);
+    for (auto _ : state)
+      METIS_NodeND(&size, starts.data(), neighbors.data(), nullptr, nullptr, permutation.data(), inverse.data());
+    found.assign(permutation.begin(), permutation.end());
+#endif
+  } else {
+    const Ordering ordering = method == "dissection" ? Ordering::nested_dissection : Ordering::minimum_degree;
+    for (auto _ : state)
+      found = ordering == Ordering::nested_dissection ? nested_dissection(A.size, A.column_starts, A.rows, {}, context)
+                                                      : detail::minimum_degree(A.size, A.column_starts, A.rows);
+  }
+  detail::SymbolicBuilder builder(A.size, A.column_starts, A.rows);
+  state.counters["multiplications"] = builder.multiplications(found);
+  state.counters["entries"] = builder.entries();
+}
+
+struct Backend {
+  const char* name;
+  int largest;  // levels of subdivision
+};
+
 }  // namespace
 
 int main(int argc, char** argv) {
-  for (const std::string mesh : {"humanoid", "box_torus"})
-    for (const Index faces : {5'000, 20'000, 80'000})
-      for (const std::string_view name : solver_names()) {
-        if (!solver_built<Complex>(name)) continue;
-        const std::string backend(name);
-        for (const auto& [verb, step] :
-             {std::pair{"analyze", Step::analyze}, {"factorize", Step::factorize}, {"solve", Step::solve}})
+  const bool full = bench::take_flag(argc, argv, "--full");
+  const std::vector<Backend> backends{{"automatic", 4},
+                                      {"supernodal/minimum-degree", 4},
+                                      {"supernodal/dissection", 4},
+                                      {"multigrid", 4},
+                                      {"eigen/minimum-degree", 4},
+                                      {"eigen/dissection", 3},
+                                      {"cholmod-simplicial-lgpl", 3},
+                                      {"cholmod-supernodal-gpl", 4},
+                                      {"cholmod-supernodal-gpl/metis", 4}};
+  const auto steps = {std::pair{"analyze", Step::analyze}, {"factorize", Step::factorize}, {"solve", Step::solve}};
+  std::map<std::string, System> files;
+  for (int k = 1; k + 1 < argc; ++k) {
+    if (std::strcmp(argv[k], "--matrix") != 0) continue;
+    auto matrix = bench::read_matrix_market(argv[k + 1]);
+    if (!matrix) {
+      std::fprintf(stderr, "%s\n", matrix.error().message().c_str());
+      return 1;
+    }
+    const auto size = static_cast<std::size_t>(matrix->size);
+    files[argv[k + 1]] = {std::move(*matrix), std::vector<Complex>(size, 1.0)};
+    for (int i = k; i + 2 < argc; ++i) argv[i] = argv[i + 2];
+    argc -= 2;
+    --k;
+  }
+  const auto built = [](const Backend& backend) {
+    const std::string_view name = backend.name;
+    return solver_built<Complex>(name.substr(0, name.find('/')));
+  };
+  for (const auto& [path, system] : files)
+    for (const Backend& backend : backends)
+      for (const auto& [verb, step] : steps)
+        if (built(backend))
           benchmark::RegisterBenchmark(
-              bench::run_name(verb, backend, mesh, faces).c_str(),
-              [=, step = step](benchmark::State& state) { run(state, step, backend, mesh, faces); })
+              bench::run_name(verb, backend.name, path, system.matrix.size).c_str(),
+              [=, &system = system, step = step](benchmark::State& state) { run(state, step, backend.name, system); })
               ->Unit(benchmark::kMillisecond);
-      }
+
+  std::vector<std::pair<std::string, std::vector<int>>> meshes{{"humanoid", {0, 2}}, {"pear", {0, 2}}};
+  if (full) meshes = {{"pear", {0, 1, 2, 3, 4}}, {"humanoid", {0, 1, 2, 3}}, {"box_torus", {3}}, {"wing", {3}}};
+  if (!files.empty()) meshes.clear();
+  for (const auto& [mesh, sizes] : meshes)
+    for (const int levels : sizes) {
+      const Index faces = 5'400 << (2 * levels);
+      std::vector<std::string> methods{"minimum-degree", "dissection"};
+#if defined(QUADRIG_BENCH_METIS)
+      methods.push_back("metis");
+#endif
+      const auto limited = [&, levels = levels](benchmark::internal::Benchmark* each, int once_from) {
+        each->Unit(benchmark::kMillisecond);
+        if (levels >= once_from) each->Iterations(1);
+      };
+      for (const std::string& method : methods)
+        limited(benchmark::RegisterBenchmark(
+                    bench::run_name("order", method, mesh, faces).c_str(),
+                    [=, mesh = mesh](benchmark::State& state) { order(state, method, field_system(mesh, levels)); }),
+                3);
+      for (const Backend& backend : backends)
+        for (const auto& [verb, step] : steps)
+          if (built(backend) && levels <= backend.largest &&
+              (full || std::strchr(backend.name, '/') == nullptr ||
+               std::strcmp(backend.name, "eigen/minimum-degree") == 0))
+            limited(benchmark::RegisterBenchmark(bench::run_name(verb, backend.name, mesh, faces).c_str(),
+                                                 [=, mesh = mesh, step = step](benchmark::State& state) {
+                                                   run(state, step, backend.name, field_system(mesh, levels));
+                                                 }),
+                    step == Step::analyze ? 3 : 4);
+    }
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
   benchmark::RunSpecifiedBenchmarks();

@@ -34,8 +34,9 @@ void run(benchmark::State& state, const std::string& mesh, Index faces, Index qu
 int main(int argc, char** argv) {
   for (const std::string mesh : {"humanoid", "box_torus", "pear", "wing"})
     for (const Index quads : {2'000, 8'000})
-      benchmark::RegisterBenchmark(bench::run_name("remesh_" + std::to_string(quads), "eigen", mesh, 20'000).c_str(),
-                                   [=](benchmark::State& state) { run(state, mesh, 20'000, quads); })
+      benchmark::RegisterBenchmark(
+          bench::run_name("remesh_" + std::to_string(quads), std::string(default_solver_name), mesh, 20'000).c_str(),
+          [=](benchmark::State& state) { run(state, mesh, 20'000, quads); })
           ->Unit(benchmark::kMillisecond);
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;

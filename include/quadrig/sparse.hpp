@@ -36,6 +36,16 @@ template <class K>
     return std::conj(z);
 }
 
+/// sum += a b, without the care for infinities that the language asks of complex products.
+template <class K>
+constexpr void add_product(K& sum, const K& a, const K& b) {
+  if constexpr (std::is_same_v<K, real_of<K>>)
+    sum += a * b;
+  else
+    sum = K(sum.real() + (a.real() * b.real() - a.imag() * b.imag()),
+            sum.imag() + (a.real() * b.imag() + a.imag() * b.real()));
+}
+
 /// Borrowed lower triangle of an n×n Hermitian matrix, compressed by columns: column j holds the entries
 /// [column_starts[j], column_starts[j + 1]) of rows and values, rows ascending, the diagonal first and always present.
 template <class K>
@@ -69,11 +79,12 @@ void multiply(const HermitianView<K>& A, std::span<const K> x, std::span<K> y) {
     auto entry = static_cast<std::size_t>(A.column_starts[column]);
     const auto end = static_cast<std::size_t>(A.column_starts[column + 1]);
     const K x_j = x[column];
-    K sum = A.values[entry] * x_j;
+    K sum{};
+    add_product(sum, A.values[entry], x_j);
     for (++entry; entry < end; ++entry) {
       const auto row = static_cast<std::size_t>(A.rows[entry]);
-      y[row] += A.values[entry] * x_j;
-      sum += conjugate(A.values[entry]) * x[row];
+      add_product(y[row], A.values[entry], x_j);
+      add_product(sum, conjugate(A.values[entry]), x[row]);
     }
     y[column] += sum;
   }

@@ -271,16 +271,19 @@ class SupernodalCholesky {
   void forward(Index s, std::vector<K>& y, std::vector<K>& gathered) const {
     const detail::SymbolicFactor& symbolic = analysis_->symbolic;
     const Index width = symbolic.width(s), below = symbolic.below(s), height = width + below;
-    const K* column = panels_.data() + symbolic.panel[at(s)];
+    const K* const column = panels_.data() + symbolic.panel[at(s)];
     K* const own = y.data() + symbolic.first[at(s)];
     const Index* const row = symbolic.rows.data() + symbolic.rows_start[at(s)];
-    gathered.assign(at(below), K{});
-    for (Index j = 0; j < width; ++j, column += height) {
-      own[j] /= std::real(column[j]);
-      const K factor = own[j];
-      axpy(own + j + 1, column + j + 1, factor, width - j - 1);
-      axpy(gathered.data(), column + width, factor, below);
+    for (Index j = 0; j < width; ++j) {
+      own[j] /= std::real(column[offset(j, height) + j]);
+      axpy(own + j + 1, column + offset(j, height) + j + 1, own[j], width - j - 1);
     }
+    gathered.assign(at(below), K{});
+    Index j = 0;
+    for (; j + 2 <= width; j += 2)
+      axpy(gathered.data(), column + offset(j, height) + width, own[j], column + offset(j + 1, height) + width,
+           own[j + 1], below);
+    if (j < width) axpy(gathered.data(), column + offset(j, height) + width, own[j], below);
     for (Index i = 0; i < below; ++i) y[at(row[i])] += gathered[at(i)];
   }
 
@@ -298,6 +301,19 @@ class SupernodalCholesky {
     }
   }
 
+  static std::ptrdiff_t offset(Index column, Index stride) { return static_cast<std::ptrdiff_t>(column) * stride; }
+
+  // y −= factor x + other z
+  static void axpy(K* y, const K* x, K factor, const K* z, K other, Index size) {
+    if constexpr (std::is_same_v<K, Real>) {
+      for (Index i = 0; i < size; ++i) y[i] -= factor * x[i] + other * z[i];
+    } else {
+      const Real a = factor.real(), b = factor.imag(), c = other.real(), d = other.imag();
+      for (Index i = 0; i < size; ++i)
+        y[i] = K(y[i].real() - ((x[i].real() * a - x[i].imag() * b) + (z[i].real() * c - z[i].imag() * d)),
+                 y[i].imag() - ((x[i].real() * b + x[i].imag() * a) + (z[i].real() * d + z[i].imag() * c)));
+    }
+  }
   // y −= factor x
   static void axpy(K* y, const K* x, K factor, Index size) {
     if constexpr (std::is_same_v<K, Real>) {
@@ -313,20 +329,27 @@ class SupernodalCholesky {
       }
     }
   }
-  // Σ x̄ y
+  // Σ x̄ y, in a few sums side by side
   static K dot(const K* x, const K* y, Index size) {
-    if constexpr (std::is_same_v<K, Real>) {
-      Real sum = 0;
-      for (Index i = 0; i < size; ++i) sum += x[i] * y[i];
-      return sum;
-    } else {
-      Real re = 0, im = 0;
-      for (Index i = 0; i < size; ++i) {
-        re += x[i].real() * y[i].real() + x[i].imag() * y[i].imag();
-        im += x[i].real() * y[i].imag() - x[i].imag() * y[i].real();
+    constexpr Index lanes = 4;
+    std::array<Real, lanes> re{}, im{};
+    const auto add = [&](std::size_t lane, Index i) {
+      if constexpr (std::is_same_v<K, Real>) {
+        re[lane] += x[i] * y[i];
+      } else {
+        re[lane] += x[i].real() * y[i].real() + x[i].imag() * y[i].imag();
+        im[lane] += x[i].real() * y[i].imag() - x[i].imag() * y[i].real();
       }
-      return K(re, im);
-    }
+    };
+    Index i = 0;
+    for (; i + lanes <= size; i += lanes)
+      for (Index lane = 0; lane < lanes; ++lane) add(at(lane), i + lane);
+    for (; i < size; ++i) add(0, i);
+    const Real total_re = (re[0] + re[1]) + (re[2] + re[3]);
+    if constexpr (std::is_same_v<K, Real>)
+      return total_re;
+    else
+      return K(total_re, (im[0] + im[1]) + (im[2] + im[3]));
   }
 
   Ordering ordering_;
