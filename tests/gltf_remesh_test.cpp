@@ -113,6 +113,24 @@ TEST_CASE("gltf: a skin that cannot be read stays as it is, by name and with its
   CHECK(strict_document.json() == before);
 }
 
+TEST_CASE("gltf: a shell that cannot be remeshed stays among the quads of the others", "[gltf]") {
+  GltfRemeshOptions options = asked(300);
+  options.least_shell_quads = 0;
+  const Done done = remeshed({.needle = true}, options);
+  REQUIRE(done.surfaces.size() == 1);
+  const GltfRemeshed& one = done.surfaces[0];
+  CHECK(one.result.report.valid);
+  CHECK(face_components(done.read_back[0].asset.mesh).count == 2);
+  // What it becomes is the pipeline's to say; what is told of it must be true.
+  REQUIRE(one.failures.size() == static_cast<std::size_t>(one.passed_shells));
+  REQUIRE(one.failures.size() <= 1);
+  CHECK(one.passed_triangles == one.passed_shells);
+  if (one.failures.empty()) return;
+  CHECK(one.failures[0].part == "skins[0] 'tube', shell 1 (meshes[0], 1 triangles)");
+  CHECK(!one.failures[0].reason.what.empty());
+  CHECK(done.read_back[0].asset.mesh.face_count() == 2 * one.result.mesh.quad_count() + 1);
+}
+
 TEST_CASE("gltf: a file without a skinned mesh is remeshed without a rig", "[gltf]") {
   const Done done = remeshed({.skinned = false}, asked(400));
   REQUIRE(done.surfaces.size() == 1);

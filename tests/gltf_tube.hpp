@@ -17,6 +17,7 @@ struct Tube {
   bool skinned = true;         ///< else a mesh alone
   bool crate = false;          ///< a box that no skin moves, mesh "crate" of node "prop"
   bool broken = false;         ///< a second skin "bad" whose mesh "broken" has a position that is not finite
+  bool needle = false;         ///< one more primitive: a triangle 5e7 times as long as it is high
   bool morph_normals = false;  ///< the morph target has normals
 };
 
@@ -147,6 +148,19 @@ void put(std::string& bytes, T value) {
         "},\"indices\":" + std::to_string(indices) + ",\"material\":" + (list == &lower ? "0" : "1") +
         ",\"targets\":[{\"POSITION\":" + std::to_string(at_moved) +
         (tube.morph_normals ? ",\"NORMAL\":" + std::to_string(at_tilts) : std::string()) + "}]}";
+  }
+  if (tube.needle) {
+    std::string corners, joint, weight;
+    for (const float x : {1.0F, 0.0F, 0.0F, 2.0F, 0.0F, 0.0F, 1.5F, 2e-8F, 0.0F}) detail::put(corners, x);
+    for (int v = 0; v < 3; ++v)
+      for (int k = 0; k < 4; ++k) {
+        detail::put(joint, std::uint8_t{0});
+        detail::put(weight, k == 0 ? 1.0F : 0.0F);
+      }
+    const int at_corners = add(corners, 3, "VEC3", 5126, ",\"min\":[1,0,0],\"max\":[2,2e-8,0]"),
+              at_joint = add(joint, 3, "VEC4", 5121), at_weight = add(weight, 3, "VEC4", 5126);
+    primitives += ",{\"attributes\":{\"POSITION\":" + std::to_string(at_corners) +
+                  ",\"JOINTS_0\":" + std::to_string(at_joint) + ",\"WEIGHTS_0\":" + std::to_string(at_weight) + "}}";
   }
   std::string more_meshes, more_nodes, more_skins, roots = tube.skinned ? "0,1" : "0";
   if (tube.crate) {
