@@ -12,7 +12,7 @@
 
 namespace quadrig {
 
-inline constexpr std::string_view default_solver_name = "eigen";
+inline constexpr std::string_view default_solver_name = "automatic";
 
 /// Every backend this version knows, built or not. The names of direct ones may be followed by the ordering that they
 /// are to use: "supernodal" and "eigen" by "/minimum-degree" or "/dissection", else chosen by the pattern; CHOLMOD's by

@@ -318,7 +318,7 @@ class Dissection {
 class ClusteredDissection {
  public:
   ClusteredDissection(const DissectionPiece& graph, const DissectionOptions& options)
-      : graph_(graph), options_(options), inner_(options), local_(at(graph.size()), first) {}
+      : graph_(graph), inner_(options), local_(at(graph.size()), first) {}
 
   void order(std::span<Index> out, unsigned threads) { dissect(clusters(), out, threads); }
 
@@ -520,7 +520,6 @@ class ClusteredDissection {
   }
 
   const DissectionPiece& graph_;
-  const DissectionOptions& options_;
   Dissection inner_;
   // Number of each vertex in what is being worked on, or what became of it. Pieces side by side touch no common entry:
   // between them lie vertices that are separated, and those are written before the pieces part.

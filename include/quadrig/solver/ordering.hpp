@@ -26,7 +26,8 @@ namespace detail {
 struct EliminationOrder {
   std::vector<Index> unknowns;  ///< the k-th to be eliminated
   Ordering ordering = Ordering::minimum_degree;
-  double multiplications = 0;  ///< of a factorization under it, of two numbers of the matrix
+  /// Of two numbers of the matrix, in a factorization; 0 where the automatic choice is plain from the size.
+  double multiplications = 0;
 };
 
 /// An order for a pattern (the lower triangle by columns, as in HermitianView). Automatic compares by exact counts.

@@ -28,9 +28,11 @@ QUADRIG_INLINE EliminationOrder elimination_order(Index size, std::span<const In
   EliminationOrder best;
   if (ordering != Ordering::nested_dissection) {
     best.unknowns = detail::minimum_degree(size, column_starts, rows);
+    constexpr Index always_small = 20'000;
+    if (ordering == Ordering::automatic && size < always_small) return best;
     best.multiplications = work(best.unknowns);
     // Below this a dissection costs more than it saves in the few factorizations that an analysis serves.
-    constexpr double worth_dissection = 2500;
+    constexpr double worth_dissection = 4000;
     if (ordering == Ordering::minimum_degree || best.multiplications < worth_dissection * size) return best;
   }
   EliminationOrder dissected{nested_dissection(size, column_starts, rows, {}, context), Ordering::nested_dissection, 0};
