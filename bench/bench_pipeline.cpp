@@ -32,12 +32,15 @@ void run(benchmark::State& state, const std::string& mesh, Index faces, Index qu
 }  // namespace
 
 int main(int argc, char** argv) {
+  const bool full = bench::take_flag(argc, argv, "--full");
+  const std::vector<Index> sizes = full ? std::vector<Index>{20'000, 80'000} : std::vector<Index>{20'000};
   for (const std::string mesh : {"humanoid", "box_torus", "pear", "wing"})
-    for (const Index quads : {2'000, 8'000})
-      benchmark::RegisterBenchmark(
-          bench::run_name("remesh_" + std::to_string(quads), std::string(default_solver_name), mesh, 20'000).c_str(),
-          [=](benchmark::State& state) { run(state, mesh, 20'000, quads); })
-          ->Unit(benchmark::kMillisecond);
+    for (const Index faces : sizes)
+      for (const Index quads : {2'000, 8'000})
+        benchmark::RegisterBenchmark(
+            bench::run_name("remesh_" + std::to_string(quads), std::string(default_solver_name), mesh, faces).c_str(),
+            [=](benchmark::State& state) { run(state, mesh, faces, quads); })
+            ->Unit(benchmark::kMillisecond);
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
   benchmark::RunSpecifiedBenchmarks();
