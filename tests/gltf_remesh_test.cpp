@@ -113,6 +113,22 @@ TEST_CASE("gltf: a skin that cannot be read stays as it is, by name and with its
   CHECK(strict_document.json() == before);
 }
 
+TEST_CASE("gltf: bind matrices are mended where the surface is too small to be remeshed too", "[gltf]") {
+  Context context;
+  Expected<GltfDocument> document = GltfDocument::parse(tube_file({.speck = true}), "tube.glb", {}, context);
+  REQUIRE(document.has_value());
+  const std::string old = part(document->json(), "\"name\":\"broken\"", "]}");
+  const Expected<std::vector<GltfRemeshed>> all = remesh_gltf(*document, asked(300), context);
+  REQUIRE(all.has_value());
+  REQUIRE(all->size() == 2);
+  CHECK((*all)[1].passed_shells == 1);
+  CHECK((*all)[1].surface.repairs.bind_rows == 2);
+  CHECK(part(document->json(), "\"name\":\"broken\"", "]}") == old);
+  const Expected<std::vector<GltfSurface>> again = gltf_surfaces(*document, {}, {}, context);
+  REQUIRE(again.has_value());
+  CHECK((*again)[1].repairs.bind_rows == 0);
+}
+
 TEST_CASE("gltf: a shell that cannot be remeshed stays among the quads of the others", "[gltf]") {
   GltfRemeshOptions options = asked(300);
   options.least_shell_quads = 0;

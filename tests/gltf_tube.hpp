@@ -17,6 +17,7 @@ struct Tube {
   bool skinned = true;         ///< else a mesh alone
   bool crate = false;          ///< a box that no skin moves, mesh "crate" of node "prop"
   bool broken = false;         ///< a second skin "bad" whose mesh "broken" has a position that is not finite
+  bool speck = false;          ///< instead a tiny triangle, and its bind matrices end in 0.99999994
   bool needle = false;         ///< one more primitive: a triangle 5e7 times as long as it is high
   bool morph_normals = false;  ///< the morph target has normals
 };
@@ -177,20 +178,29 @@ void put(std::string& bytes, T value) {
     more_nodes += ",{\"name\":\"prop\",\"mesh\":1,\"scale\":[2,2,2]}";
     roots += ",3";
   }
-  if (tube.broken) {
+  if (tube.broken || tube.speck) {
     std::string corners, joint, weight;
-    for (int k = 0; k < 9; ++k) detail::put(corners, k == 4 ? std::nanf("") : static_cast<float>(k % 4));
+    for (int k = 0; k < 9; ++k)
+      detail::put(corners, tube.speck ? 0.001F * static_cast<float>(k % 4)
+                           : k == 4   ? std::nanf("")
+                                      : static_cast<float>(k % 4));
     for (int v = 0; v < 3; ++v)
       for (int k = 0; k < 4; ++k) {
         detail::put(joint, std::uint8_t{0});
         detail::put(weight, k == 0 ? 1.0F : 0.0F);
       }
-    const int at_corners = add(corners, 3, "VEC3", 5126), at_joint = add(joint, 3, "VEC4", 5121),
-              at_weight = add(weight, 3, "VEC4", 5126);
+    const int at_corners =
+                  add(corners, 3, "VEC3", 5126, tube.speck ? ",\"min\":[0,0,0],\"max\":[0.003,0.003,0.003]" : ""),
+              at_joint = add(joint, 3, "VEC4", 5121), at_weight = add(weight, 3, "VEC4", 5126);
     more_meshes += ",{\"name\":\"broken\",\"primitives\":[{\"attributes\":{\"POSITION\":" + std::to_string(at_corners) +
                    ",\"JOINTS_0\":" + std::to_string(at_joint) + ",\"WEIGHTS_0\":" + std::to_string(at_weight) + "}}]}";
     more_nodes += std::string(",{\"name\":\"torn\",\"mesh\":") + (tube.crate ? "2" : "1") + ",\"skin\":1}";
-    more_skins = ",{\"name\":\"bad\",\"joints\":[1,2]}";
+    std::string off;
+    for (int matrix = 0; matrix < 2; ++matrix)
+      for (int k = 0; k < 16; ++k) detail::put(off, k == 15 ? 0.99999994F : k % 5 == 0 ? 1.0F : 0.0F);
+    const int at_off = add(off, 2, "MAT4", 5126);
+    more_skins = ",{\"name\":\"bad\",\"joints\":[1,2]" +
+                 (tube.speck ? ",\"inverseBindMatrices\":" + std::to_string(at_off) : std::string()) + "}";
     roots += tube.crate ? ",4" : ",3";
   }
   for (const float y : {0.0F, -1.0F})

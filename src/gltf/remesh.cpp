@@ -298,19 +298,19 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
     for (const GltfFailure& failure : done.failures)
       context.warn("gltf", failure.part + " stays as it is: " + failure.reason.message());
 
-  // From here on nothing fails: the document is edited as a whole. A surface without a quad keeps its very bytes.
+  // From here on nothing fails: the document is edited as a whole. A surface without a quad keeps its
+  // primitives as they are.
   const std::set<std::size_t> before = gltf::referred_accessors(state);
   const std::set<std::size_t> views_before = gltf::referred_views(state);
   const std::size_t first_new = gltf::array_of(state.json, "accessors").size(),
                     first_view = gltf::array_of(state.json, "bufferViews").size();
   for (std::size_t s = 0; s < jobs.size(); ++s) {
-    if (shells[s].keeps_any()) {
-      gltf::write_back(state, jobs[s], all[s], options.source_map, context);
-      const GltfRepairs& repairs = jobs[s].gathered.surface.repairs;
-      if (repairs.bind_rows > 0 || repairs.singular_binds > 0)
-        state.json["skins"][at(jobs[s].gathered.surface.skin)]["inverseBindMatrices"] =
-            gltf::append_matrices(state, jobs[s].gathered.inverse_bind);
-    }
+    if (shells[s].keeps_any()) gltf::write_back(state, jobs[s], all[s], options.source_map, context);
+    const gltf::Gathered& gathered_one = jobs[s].gathered;
+    const GltfRepairs& repairs = gathered_one.surface.repairs;
+    if (repairs.bind_rows > 0 || repairs.singular_binds > 0)
+      state.json["skins"][at(gathered_one.surface.skin)]["inverseBindMatrices"] =
+          gltf::append_matrices(state, gathered_one.inverse_bind);
     all[s].surface = std::move(jobs[s].gathered.surface);
   }
   gltf::drop_unused_extension(state, gltf::draco_name);
