@@ -104,7 +104,8 @@ class FieldSurgery {
   Index split_extremes(double spread) {
     Index split = 0;
     ScaleEnergy energy(mesh_);
-    spread_poles(spread, 4 * spread, energy);
+    // A pole keeps its size however small the quads are.
+    spread_poles(spread, std::max(4 * spread, 0.15 * std::sqrt(mesh_.total_area())), energy);
     for (Index v = 0; v < mesh_.vertex_count(); ++v) {
       if (mesh_.outgoing(v) == no_index) continue;
       if (mesh_.on_boundary(v)) {

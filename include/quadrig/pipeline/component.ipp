@@ -78,9 +78,9 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
     bool creases;
   };
   // That many triangles a quad carry a map as well as any number.
-  const auto stand_in_faces = std::max<Index>(4000, static_cast<Index>(25 * quads));
+  const auto stand_in_faces = std::max<Index>(4000, static_cast<Index>(20 * quads));
   std::vector<Attempt> attempts{{0.5, 1.5, true}, {1, 1.0, true}, {1, 0, true}, {2, 0.7, false}, {4, 0, false}};
-  if (original.asset.mesh.face_count() > std::max<Index>(20'000, 3 * stand_in_faces))
+  if (original.asset.mesh.face_count() > std::max<Index>(20'000, 2 * stand_in_faces))
     attempts.insert(attempts.begin(), {0.5, 0, true});
   // The best so far of quads that are valid but poor, with the surface that they lie on.
   struct Best {
@@ -93,7 +93,7 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
     FieldReport field;
   };
   std::optional<Best> best;
-  int poor = 0;
+  int poor = 0;  // attempts begun since
   const auto settle = [&] {
     result.report.rung = best->rung;
     result.report.singularities = best->singularities;
@@ -105,7 +105,7 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
   static constexpr int max_operations = 3;
   for (const Attempt& attempt : attempts) {
     if (context.cancelled()) return cancelled_error("remesh");
-    if (flat > 2 || (best && flat > 0)) break;
+    if (flat > 2 || (best && ++poor > 1)) break;
     const auto leave = [&](const std::string& reason) {
       result.report.reasons.push_back("smoothing over " + std::to_string(attempt.smoothing).substr(0, 3) +
                                       " quads: " + reason);
@@ -222,12 +222,13 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
                       field->report};
         }
         for (const std::string& reason : mapped->reasons) leave(reason);
-        if (good || ++poor > 2) return settle();
+        if (good) return settle();
         leave("least scaled Jacobian " + std::to_string(mapped->least).substr(0, 4));
         break;
       }
       if (mapped.error().code == ErrorCode::cancelled) return mapped.error();
       leave(mapped.error().what);
+      if (best) break;
       flat += trouble.empty();
       if (trouble.empty() || !surgery.cancel_near(trouble)) break;
       surgery.split_extremes(0.75 * edge);
