@@ -98,6 +98,7 @@ struct FieldResult {
   PolyVectorField polynomial;
   Matching matching;
   Singularities singularities;
+  std::vector<double> pull;  ///< of each face, how strongly its direction was asked for, in [0, 1]
   FieldReport report;
 };
 

@@ -443,6 +443,7 @@ QUADRIG_INLINE Expected<FieldResult> design_smooth_field(const FieldProblem& pro
   const double length = report.smoothing_length;
   auto result = finish_field(problem, std::move(polynomial), options, std::move(report));
   if (!result) return result;
+  for (const double weight : targets.weight) result->pull.push_back(std::min(weight, 1.0));
   const std::vector<double> zero(m, 0.0);
   DensityTargets densities{zero, zero, zero};
   if (options.bone_density && problem.dominance) {

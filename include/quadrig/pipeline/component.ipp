@@ -164,7 +164,7 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
     }
     result.seconds.field += field->report.seconds;
     const std::vector<Index>& index = field->singularities.index4;
-    FieldSurgery surgery(mesh, field->frames, field->matching, field->singularities);
+    FieldSurgery surgery(mesh, field->frames, field->matching, field->singularities, field->pull, edge);
     std::vector<char> held(at(mesh.face_count()), 0);
     for (Index h = 0; h < mesh.halfedge_count(); ++h)
       if (mesh.twin(h) == no_index || (crease < 3.14 && dihedral_angle(mesh, h) > crease)) held[at(h / 3)] = 1;
