@@ -1,6 +1,5 @@
-// Singularities moved, split and cancelled: whole quarter turns of the matching
-// along paths of edges, then the smallest rotation of the frames that makes
-// them so.
+// Singularities moved, split and cancelled: whole quarter turns of the matching along paths of edges, then the smallest
+// rotation of the frames that makes them so.
 #pragma once
 
 #include <queue>
@@ -13,44 +12,35 @@
 
 namespace quadrig {
 
-/// How much the size of quads has to vary for the cones of a field: the
-/// Dirichlet energy of the conformal factor that flattens the surface to them.
-/// Factorizes one Laplacian at its first use.
+/// How much the size of quads has to vary for the cones of a field: the Dirichlet energy of the conformal factor that
+/// flattens the surface to them. Factorizes one Laplacian at its first use.
 class ScaleEnergy {
-public:
-  explicit ScaleEnergy(const TriangleMesh<double> &mesh) : mesh_(mesh) {}
+ public:
+  explicit ScaleEnergy(const TriangleMesh<double>& mesh) : mesh_(mesh) {}
 
   /// \param index4 of every vertex. Infinity where the solve fails.
-  [[nodiscard]] double operator()(const std::vector<Index> &index4) {
-    if (!ready_ && !prepare())
-      return std::numeric_limits<double>::infinity();
+  [[nodiscard]] double operator()(const std::vector<Index>& index4) {
+    if (!ready_ && !prepare()) return std::numeric_limits<double>::infinity();
     std::vector<double> load = curvature_;
     double sum = 0;
     Index used = 0;
     for (std::size_t v = 0; v < load.size(); ++v) {
-      if (mesh_.outgoing(static_cast<Index>(v)) == no_index)
-        continue;
+      if (mesh_.outgoing(static_cast<Index>(v)) == no_index) continue;
       load[v] -= index4[v] * std::numbers::pi / 2;
       sum += load[v];
       ++used;
     }
-    for (double &l : load)
-      l -= sum / used; // rounding, and borders whose field is not aligned
-    std::vector<double> free_load(
-        static_cast<std::size_t>(form_->free_count())),
-        factor(free_load.size());
-    for (std::size_t v = 1, k = 0; v < load.size(); ++v)
-      free_load[k++] = load[v];
-    if (SolveInfo info = solver_->solve(free_load, factor, context_);
-        !info.status.ok())
+    for (double& l : load) l -= sum / used;  // rounding, and borders whose field is not aligned
+    std::vector<double> free_load(static_cast<std::size_t>(form_->free_count())), factor(free_load.size());
+    for (std::size_t v = 1, k = 0; v < load.size(); ++v) free_load[k++] = load[v];
+    if (SolveInfo info = solver_->solve(free_load, factor, context_); !info.status.ok())
       return std::numeric_limits<double>::infinity();
     double energy = 0;
-    for (std::size_t k = 0; k < factor.size(); ++k)
-      energy += free_load[k] * factor[k];
+    for (std::size_t k = 0; k < factor.size(); ++k) energy += free_load[k] * factor[k];
     return energy;
   }
 
-private:
+ private:
   bool prepare() {
     ready_ = true;
     const auto n = static_cast<std::size_t>(mesh_.vertex_count());
@@ -59,35 +49,28 @@ private:
     form_->fix(0, 0.0);
     for (Index v = 0; v < mesh_.vertex_count(); ++v)
       if (mesh_.outgoing(v) != no_index)
-        curvature_[static_cast<std::size_t>(v)] =
-            (mesh_.on_boundary(v) ? 1 : 2) * std::numbers::pi;
+        curvature_[static_cast<std::size_t>(v)] = (mesh_.on_boundary(v) ? 1 : 2) * std::numbers::pi;
     for (Index h = 0; h < mesh_.halfedge_count(); ++h)
-      curvature_[static_cast<std::size_t>(mesh_.origin(h))] -=
-          mesh_.corner_angle(h);
-    const RowTerm laplacian{
-        "laplacian", [&](EmitRow<double> emit) {
-          for (Index h = 0; h < mesh_.halfedge_count(); ++h) {
-            const double opposite = mesh_.corner_angle(mesh_.prev(h));
-            const std::array<Index, 2> where{mesh_.origin(h), mesh_.target(h)};
-            const std::array<double, 2> factor{1, -1};
-            emit({where, factor, 0,
-                  std::clamp(0.5 / std::tan(opposite), 1e-3, 1e3)});
-          }
-        }};
+      curvature_[static_cast<std::size_t>(mesh_.origin(h))] -= mesh_.corner_angle(h);
+    const RowTerm laplacian{"laplacian", [&](EmitRow<double> emit) {
+                              for (Index h = 0; h < mesh_.halfedge_count(); ++h) {
+                                const double opposite = mesh_.corner_angle(mesh_.prev(h));
+                                const std::array<Index, 2> where{mesh_.origin(h), mesh_.target(h)};
+                                const std::array<double, 2> factor{1, -1};
+                                emit({where, factor, 0, std::clamp(0.5 / std::tan(opposite), 1e-3, 1e3)});
+                              }
+                            }};
     Expected<AnySolver<double>> solver = make_solver<double>();
-    if (!solver || !form_->assemble(laplacian).ok())
-      return failed();
+    if (!solver || !form_->assemble(laplacian).ok()) return failed();
     solver_.emplace(std::move(*solver));
-    return solver_->prepare(form_->matrix(), form_->pattern_version(), context_)
-               .ok() ||
-           failed();
+    return solver_->prepare(form_->matrix(), form_->pattern_version(), context_).ok() || failed();
   }
   bool failed() {
     ready_ = false;
     return false;
   }
 
-  const TriangleMesh<double> &mesh_;
+  const TriangleMesh<double>& mesh_;
   std::vector<double> curvature_;
   std::optional<QuadraticForm<double>> form_;
   std::optional<AnySolver<double>> solver_;
@@ -95,19 +78,15 @@ private:
   bool ready_ = false;
 };
 
-/// Changes a field's singularities where the map cannot take them. Paths of
-/// half-edges are gathered, then `apply` turns the frames; the matching is
-/// updated and never rounded again.
+/// Changes a field's singularities where the map cannot take them. Paths of half-edges are gathered, then `apply`
+/// turns the frames; the matching is updated and never rounded again.
 class FieldSurgery {
-public:
-  /// \param pull of each face, how strongly its direction was asked for
-  /// (FieldResult::pull), or empty: frames that are
+ public:
+  /// \param pull of each face, how strongly its direction was asked for (FieldResult::pull), or empty: frames that are
   ///   turned come back to it over `reach`, a length
-  FieldSurgery(const TriangleMesh<double> &mesh, FrameField &frames,
-               Matching &matching, Singularities &singularities,
+  FieldSurgery(const TriangleMesh<double>& mesh, FrameField& frames, Matching& matching, Singularities& singularities,
                std::span<const double> pull = {}, double reach = 1)
-      : mesh_(mesh), frames_(frames), matching_(matching),
-        singularities_(singularities), pull_(pull), reach_(reach) {}
+      : mesh_(mesh), frames_(frames), matching_(matching), singularities_(singularities), pull_(pull), reach_(reach) {}
 
   /// One unit of I4 goes from the origin of the half-edge to its target.
   void move_unit(Index h) {
@@ -122,123 +101,99 @@ public:
     ++moves_;
   }
 
-  /// Splits vertices whose valence would be below 3 or above 7 by units to or
-  /// from other vertices, about `spread` away and all around where there is
-  /// room for that, else next to it. A corner of the border too sharp for a
-  /// quad gives a unit to a wide corner near, or inside. Returns how many units
-  /// went.
+  /// Splits vertices whose valence would be below 3 or above 7 by units to or from other vertices, about `spread`
+  /// away and all around where there is room for that, else next to it. A corner of the border too sharp for a quad
+  /// gives a unit to a wide corner near, or inside. Returns how many units went.
   Index split_extremes(double spread) {
     Index split = 0;
     ScaleEnergy energy(mesh_);
     // A pole keeps its size however small the quads are.
-    spread_poles(spread,
-                 std::max(4 * spread, 0.15 * std::sqrt(mesh_.total_area())),
-                 energy);
+    spread_poles(spread, std::max(4 * spread, 0.15 * std::sqrt(mesh_.total_area())), energy);
     for (Index v = 0; v < mesh_.vertex_count(); ++v) {
-      if (mesh_.outgoing(v) == no_index)
-        continue;
+      if (mesh_.outgoing(v) == no_index) continue;
       if (mesh_.on_boundary(v)) {
-        while (index(v) > 1 && relieve(v, spread))
-          ++split;
-        while (index(v) < -2 && supply(v, spread))
-          ++split;
+        while (index(v) > 1 && relieve(v, spread)) ++split;
+        while (index(v) < -2 && supply(v, spread)) ++split;
         continue;
       }
-      if (index(v) > 1)
-        split += scatter(v, spread, energy);
+      if (index(v) > 1) split += scatter(v, spread, energy);
       for (int guard = 0; guard < 8 && index(v) > 1; ++guard, ++split) {
         const Index h = best_step(v, [&](Index w) { return index(w); });
-        if (h == no_index)
-          break;
+        if (h == no_index) break;
         move_unit(h);
       }
       for (int guard = 0; guard < 8 && index(v) < -3; ++guard, ++split) {
         const Index h = best_step(v, [&](Index w) { return -index(w); });
-        if (h == no_index)
-          break;
+        if (h == no_index) break;
         move_unit(mesh_.twin(h));
       }
     }
     return split;
   }
 
-  /// Cancels pairs of opposite sign that are joined by an edge path shorter
-  /// than `length`, the closest first. Returns how many pairs went.
+  /// Cancels pairs of opposite sign that are joined by an edge path shorter than `length`, the closest first. Returns
+  /// how many pairs went.
   Index cancel_pairs(double length) {
     Index cancelled = 0;
     struct Pair {
       double length;
       Index plus, minus;
-      bool operator<(const Pair &o) const {
-        return std::tie(length, plus, minus) <
-               std::tie(o.length, o.plus, o.minus);
+      bool operator<(const Pair& o) const {
+        return std::tie(length, plus, minus) < std::tie(o.length, o.plus, o.minus);
       }
     };
     std::vector<Pair> pairs;
     for (Index v = 0; v < mesh_.vertex_count(); ++v)
       if (interior(v) && index(v) > 0)
         search({v}, length, [&](Index w, double d) {
-          if (interior(w) && index(w) < 0)
-            pairs.push_back({d, v, w});
+          if (interior(w) && index(w) < 0) pairs.push_back({d, v, w});
           return false;
         });
     std::sort(pairs.begin(), pairs.end());
-    for (const Pair &pair : pairs)
-      if (index(pair.plus) > 0 && index(pair.minus) < 0 &&
-          cancel(pair.plus, pair.minus))
-        ++cancelled;
+    for (const Pair& pair : pairs)
+      if (index(pair.plus) > 0 && index(pair.minus) < 0 && cancel(pair.plus, pair.minus)) ++cancelled;
     return cancelled;
   }
 
-  /// Cancels the closest pair of opposite sign among the singularities near
-  /// some faces. False where there is none.
+  /// Cancels the closest pair of opposite sign among the singularities near some faces. False where there is none.
   bool cancel_near(std::span<const Index> faces) {
     std::vector<Index> seeds;
     for (const Index f : faces)
-      for (int i = 0; i < 3; ++i)
-        seeds.push_back(mesh_.faces()(f, i));
+      for (int i = 0; i < 3; ++i) seeds.push_back(mesh_.faces()(f, i));
     std::sort(seeds.begin(), seeds.end());
     seeds.erase(std::unique(seeds.begin(), seeds.end()), seeds.end());
     std::vector<Index> near;
     bool plus = false, minus = false;
-    search(seeds, std::numeric_limits<double>::infinity(),
-           [&](Index w, double) {
-             if (interior(w) && index(w) != 0) {
-               near.push_back(w);
-               (index(w) > 0 ? plus : minus) = true;
-             }
-             return near.size() >= 8 && plus && minus;
-           });
-    if (!plus || !minus)
-      return false;
+    search(seeds, std::numeric_limits<double>::infinity(), [&](Index w, double) {
+      if (interior(w) && index(w) != 0) {
+        near.push_back(w);
+        (index(w) > 0 ? plus : minus) = true;
+      }
+      return near.size() >= 8 && plus && minus;
+    });
+    if (!plus || !minus) return false;
     double closest = std::numeric_limits<double>::infinity();
     Index from = no_index, to = no_index;
     for (const Index v : near)
       if (index(v) > 0)
-        search({v}, std::numeric_limits<double>::infinity(),
-               [&](Index w, double d) {
-                 if (d >= closest)
-                   return true;
-                 if (interior(w) && index(w) < 0 &&
-                     std::find(near.begin(), near.end(), w) != near.end()) {
-                   closest = d;
-                   from = v;
-                   to = w;
-                   return true;
-                 }
-                 return false;
-               });
+        search({v}, std::numeric_limits<double>::infinity(), [&](Index w, double d) {
+          if (d >= closest) return true;
+          if (interior(w) && index(w) < 0 && std::find(near.begin(), near.end(), w) != near.end()) {
+            closest = d;
+            from = v;
+            to = w;
+            return true;
+          }
+          return false;
+        });
     return from != no_index && cancel(from, to);
   }
 
-  /// Turns the frames by the least rotations that agree with the changed
-  /// matching, all turns so far together being small where the direction was
-  /// asked for; faces in `held` stay as they are. \fails numeric. \cost one
-  /// sparse factorization with one unknown a face; nothing where nothing was
-  /// changed.
-  Status apply(const std::vector<char> &held, Context &context) {
-    if (moves_ == 0)
-      return {};
+  /// Turns the frames by the least rotations that agree with the changed matching, all turns so far together being
+  /// small where the direction was asked for; faces in `held` stay as they are.
+  /// \fails numeric. \cost one sparse factorization with one unknown a face; nothing where nothing was changed.
+  Status apply(const std::vector<char>& held, Context& context) {
+    if (moves_ == 0) return {};
     moves_ = 0;
     const Index m = mesh_.face_count();
     QuadraticForm<double> form(m);
@@ -248,48 +203,31 @@ public:
         form.fix(f, 0.0);
         pinned = true;
       }
-    if (turned_.empty())
-      turned_.assign(at(m), 0.0);
-    const auto asked = [&](Index f) {
-      return pull_.empty() ? 0.0
-                           : pull_[at(f)] * mesh_.area(f) / (reach_ * reach_);
-    };
+    if (turned_.empty()) turned_.assign(at(m), 0.0);
+    const auto asked = [&](Index f) { return pull_.empty() ? 0.0 : pull_[at(f)] * mesh_.area(f) / (reach_ * reach_); };
     double asking = 0;
-    for (Index f = 0; f < m; ++f)
-      asking += asked(f);
-    if (!pinned && !(asking > 1e-6))
-      form.fix(0, 0.0);
+    for (Index f = 0; f < m; ++f) asking += asked(f);
+    if (!pinned && !(asking > 1e-6)) form.fix(0, 0.0);
     const RowTerm turn{"turn", [&](EmitRow<double> emit) {
                          for (Index h = 0; h < mesh_.halfedge_count(); ++h) {
                            const Index g = mesh_.twin(h);
-                           if (g < h)
-                             continue;
+                           if (g < h) continue;
                            const std::array<Index, 2> where{h / 3, g / 3};
                            const std::array<double, 2> factor{1, -1};
                            const double weight =
-                               mesh_.edge_vector(h).squaredNorm() /
-                               (mesh_.area(h / 3) + mesh_.area(g / 3));
-                           emit({where, factor, -matching_.rho[at(h)],
-                                 std::clamp(weight, 1e-3, 1e3)});
+                               mesh_.edge_vector(h).squaredNorm() / (mesh_.area(h / 3) + mesh_.area(g / 3));
+                           emit({where, factor, -matching_.rho[at(h)], std::clamp(weight, 1e-3, 1e3)});
                          }
                          const double one = 1;
                          for (Index f = 0; f < m; ++f)
-                           emit({std::span(&f, 1), std::span(&one, 1),
-                                 -turned_[at(f)], asked(f)});
+                           emit({std::span(&f, 1), std::span(&one, 1), -turned_[at(f)], asked(f)});
                        }};
-    if (Status status = form.assemble(turn); !status.ok())
-      return status;
+    if (Status status = form.assemble(turn); !status.ok()) return status;
     Expected<AnySolver<double>> solver = make_solver<double>();
-    if (!solver)
-      return solver.error();
-    if (Status status =
-            solver->prepare(form.matrix(), form.pattern_version(), context);
-        !status.ok())
-      return status;
+    if (!solver) return solver.error();
+    if (Status status = solver->prepare(form.matrix(), form.pattern_version(), context); !status.ok()) return status;
     std::vector<double> free_values(at(form.free_count()));
-    if (SolveInfo info = solver->solve(form.rhs(), free_values, context);
-        !info.status.ok())
-      return info.status;
+    if (SolveInfo info = solver->solve(form.rhs(), free_values, context); !info.status.ok()) return info.status;
     const std::vector<double> delta = form.expand(free_values);
     for (Index f = 0; f < m; ++f) {
       turned_[at(f)] += delta[at(f)];
@@ -298,150 +236,116 @@ public:
       frames_.v[at(f)] *= rotation;
     }
     for (Index h = 0; h < mesh_.halfedge_count(); ++h)
-      if (const Index g = mesh_.twin(h); g != no_index)
-        matching_.rho[at(h)] += delta[at(h / 3)] - delta[at(g / 3)];
+      if (const Index g = mesh_.twin(h); g != no_index) matching_.rho[at(h)] += delta[at(h / 3)] - delta[at(g / 3)];
     singularities_.plus = singularities_.minus = 0;
     for (Index v = 0; v < mesh_.vertex_count(); ++v)
-      if (interior(v) && index(v) != 0)
-        ++(index(v) > 0 ? singularities_.plus : singularities_.minus);
+      if (interior(v) && index(v) != 0) ++(index(v) > 0 ? singularities_.plus : singularities_.minus);
     return {};
   }
 
-private:
-  /// Places evenly around an inner vertex for its units, about `spread` away:
-  /// all of three or more, one of two. None where there is no room for them.
+ private:
+  /// Places evenly around an inner vertex for its units, about `spread` away: all of three or more, one of two. None
+  /// where there is no room for them.
   std::vector<Index> places(Index v, Index units, double spread) {
     const bool all = units > 2;
-    if (!all)
-      --units;
-    // The narrowest ring with enough places, so that they lie evenly: else the
-    // charts around it are skewed.
+    if (!all) --units;
+    // The narrowest ring with enough places, so that they lie evenly: else the charts around it are skewed.
     std::vector<std::pair<double, Index>> reached;
     search({v}, 3 * spread, [&](Index w, double d) {
-      if (d >= 0.5 * spread && index(w) == 0)
-        reached.push_back({d, w});
+      if (d >= 0.5 * spread && index(w) == 0) reached.push_back({d, w});
       return false;
     });
     std::vector<Index> around;
     std::vector<double> far;
-    for (const auto &[low, high] : {std::pair{1.0, 1.05},
-                                    {1.0, 1.15},
-                                    {1.0, 1.5},
-                                    {0.75, 1.5},
-                                    {0.5, 2.0},
-                                    {0.5, 3.0}}) {
+    for (const auto& [low, high] :
+         {std::pair{1.0, 1.05}, {1.0, 1.15}, {1.0, 1.5}, {0.75, 1.5}, {0.5, 2.0}, {0.5, 3.0}}) {
       around.clear();
       far.clear();
-      for (const auto &[d, w] : reached)
+      for (const auto& [d, w] : reached)
         if (d >= low * spread && d <= high * spread) {
           around.push_back(w);
           far.push_back(d);
         }
-      if (around.size() >= 12)
-        break;
+      if (around.size() >= 12) break;
     }
     std::vector<Index> chosen;
-    std::vector<double> nearest(around.size(),
-                                std::numeric_limits<double>::infinity());
+    std::vector<double> nearest(around.size(), std::numeric_limits<double>::infinity());
     if (!all)
       for (std::size_t k = 0; k < around.size(); ++k)
         nearest[k] = (mesh_.position(around[k]) - mesh_.position(v)).norm();
     double nearest_far = std::numeric_limits<double>::infinity(), farthest = 0;
     while (static_cast<Index>(chosen.size()) < units && !around.empty()) {
-      const auto best = static_cast<std::size_t>(
-          std::max_element(nearest.begin(), nearest.end()) - nearest.begin());
+      const auto best = static_cast<std::size_t>(std::max_element(nearest.begin(), nearest.end()) - nearest.begin());
       nearest_far = std::min(nearest_far, far[best]);
       farthest = std::max(farthest, far[best]);
       // Apart all around, not one behind the other along something thin.
-      if (nearest[best] < std::max(0.4 * spread, farthest - nearest_far))
-        return {};
+      if (nearest[best] < std::max(0.4 * spread, farthest - nearest_far)) return {};
       chosen.push_back(around[best]);
       for (std::size_t k = 0; k < around.size(); ++k)
-        nearest[k] = std::min(
-            nearest[k],
-            (mesh_.position(around[k]) - mesh_.position(around[best])).norm());
+        nearest[k] = std::min(nearest[k], (mesh_.position(around[k]) - mesh_.position(around[best])).norm());
     }
-    if (static_cast<Index>(chosen.size()) < units)
-      return {};
+    if (static_cast<Index>(chosen.size()) < units) return {};
     return chosen;
   }
-  /// Places around an inner vertex for `units`, `spread` away or farther: where
-  /// the size of the quads varies the least. \param base indices of all
-  /// vertices without those units; \param least on return the energy with them
-  std::vector<Index> roomiest(Index v, Index units, double spread,
-                              std::vector<Index> base, ScaleEnergy &energy,
-                              double &least) {
+  /// Places around an inner vertex for `units`, `spread` away or farther: where the size of the quads varies the least.
+  /// \param base indices of all vertices without those units; \param least on return the energy with them
+  std::vector<Index> roomiest(Index v, Index units, double spread, std::vector<Index> base, ScaleEnergy& energy,
+                              double& least) {
     std::vector<Index> best;
     least = std::numeric_limits<double>::infinity();
     const double reach = std::sqrt(mesh_.total_area());
     for (double wider = spread; wider < reach; wider *= 1.5) {
       std::vector<Index> tried = places(v, units, wider);
-      if (tried.empty())
-        break;
+      if (tried.empty()) break;
       const auto moved = static_cast<Index>(tried.size());
       base[at(v)] += units - moved;
-      for (const Index w : tried)
-        ++base[at(w)];
+      for (const Index w : tried) ++base[at(w)];
       const double here = energy(base);
-      for (const Index w : tried)
-        --base[at(w)];
+      for (const Index w : tried) --base[at(w)];
       base[at(v)] -= units - moved;
-      if (!best.empty() && !(here < least))
-        break;
+      if (!best.empty() && !(here < least)) break;
       least = here;
       best = std::move(tried);
     }
     return best;
   }
   /// Moves the units of an inner vertex to places around it.
-  Index scatter(Index v, double spread, ScaleEnergy &energy) {
+  Index scatter(Index v, double spread, ScaleEnergy& energy) {
     double least = 0;
     std::vector<Index> base = singularities_.index4;
     base[at(v)] = 0;
-    const std::vector<Index> chosen =
-        roomiest(v, index(v), spread, std::move(base), energy, least);
-    for (const Index w : chosen)
-      carry(v, w);
+    const std::vector<Index> chosen = roomiest(v, index(v), spread, std::move(base), energy, least);
+    for (const Index w : chosen) carry(v, w);
     return static_cast<Index>(chosen.size());
   }
-  /// Three or more units of one sign closer together than `near`, as a linear
-  /// field leaves them at a pole, are spread out where that saves the quads
-  /// from varying in size.
-  void spread_poles(double spread, double near, ScaleEnergy &energy) {
+  /// Three or more units of one sign closer together than `near`, as a linear field leaves them at a pole, are spread
+  /// out where that saves the quads from varying in size.
+  void spread_poles(double spread, double near, ScaleEnergy& energy) {
     for (Index v = 0; v < mesh_.vertex_count(); ++v) {
-      if (!interior(v) || index(v) <= 0)
-        continue;
+      if (!interior(v) || index(v) <= 0) continue;
       std::vector<Index> group;
       Index units = 0;
       bool other = false;
       search({v}, near, [&](Index w, double) {
-        if (index(w) > 0)
-          group.push_back(w), units += index(w);
+        if (index(w) > 0) group.push_back(w), units += index(w);
         return other = other || index(w) < 0;
       });
-      if (units < 3 || units > 6 || other)
-        continue;
+      if (units < 3 || units > 6 || other) continue;
       std::vector<Index> base = singularities_.index4;
       const double now = energy(base);
-      for (const Index w : group)
-        base[at(w)] = 0;
+      for (const Index w : group) base[at(w)] = 0;
       std::swap(base, singularities_.index4);
       double then = 0;
-      const std::vector<Index> chosen =
-          roomiest(v, units, spread, singularities_.index4, energy, then);
+      const std::vector<Index> chosen = roomiest(v, units, spread, singularities_.index4, energy, then);
       std::swap(base, singularities_.index4);
-      if (chosen.empty() || !(then < now - 0.3))
-        continue;
+      if (chosen.empty() || !(then < now - 0.3)) continue;
       for (const Index w : group)
-        while (w != v && index(w) > 0)
-          carry(w, v);
-      for (const Index w : chosen)
-        carry(v, w);
+        while (w != v && index(w) > 0) carry(w, v);
+      for (const Index w : chosen) carry(v, w);
     }
   }
 
-  /// Gives a unit of a border vertex to the border vertex near that has most
-  /// angle to lose, or to one inside.
+  /// Gives a unit of a border vertex to the border vertex near that has most angle to lose, or to one inside.
   bool relieve(Index v, double spread) {
     Index inside = no_index, wide = no_index;
     double most = 0.2, deepest = 0;
@@ -452,11 +356,9 @@ private:
       }
       Index h = mesh_.outgoing(w);
       const Index start = h;
-      if (w != v)
-        do {
+      if (w != v) do {
           const Index x = mesh_.target(h);
-          if (x != v && mesh_.on_boundary(x) && index(x) <= 0 &&
-              mesh_.twin(h) != no_index) {
+          if (x != v && mesh_.on_boundary(x) && index(x) <= 0 && mesh_.twin(h) != no_index) {
             const double lacking = 2 - index(x) - quarter_turns(x);
             if (lacking > most) {
               most = lacking;
@@ -467,25 +369,20 @@ private:
         } while (h != no_index && h != start);
       return false;
     });
-    if (wide == no_index && inside == no_index)
-      return false;
+    if (wide == no_index && inside == no_index) return false;
     if (wide != no_index) {
       Index last = no_index;
-      search({v}, std::numeric_limits<double>::infinity(),
-             [&](Index w, double) {
-               if (w == v)
-                 return false;
-               Index h = mesh_.outgoing(w);
-               const Index start = h;
-               do {
-                 if (mesh_.target(h) == wide)
-                   last = h;
-                 h = mesh_.next_around(h);
-               } while (last == no_index && h != no_index && h != start);
-               return last != no_index;
-             });
-      if (last == no_index)
-        return false;
+      search({v}, std::numeric_limits<double>::infinity(), [&](Index w, double) {
+        if (w == v) return false;
+        Index h = mesh_.outgoing(w);
+        const Index start = h;
+        do {
+          if (mesh_.target(h) == wide) last = h;
+          h = mesh_.next_around(h);
+        } while (last == no_index && h != no_index && h != start);
+        return last != no_index;
+      });
+      if (last == no_index) return false;
       follow(v, mesh_.origin(last));
       move_unit(last);
       return true;
@@ -493,8 +390,7 @@ private:
     carry(v, inside);
     return true;
   }
-  /// Takes a unit for a border vertex of too many quads from a regular vertex
-  /// inside, `spread` away where there is one.
+  /// Takes a unit for a border vertex of too many quads from a regular vertex inside, `spread` away where there is one.
   bool supply(Index v, double spread) {
     Index inside = no_index;
     double deepest = -1;
@@ -505,8 +401,7 @@ private:
       }
       return deepest >= spread;
     });
-    if (inside == no_index)
-      return false;
+    if (inside == no_index) return false;
     for (Index w = inside; w != v;) {
       const Index h = reached_[w].second;
       move_unit(mesh_.twin(h));
@@ -517,15 +412,12 @@ private:
   /// Angle of the surface at a border vertex.
   [[nodiscard]] double quarter_turns(Index v) const {
     double angle = 0;
-    for (Index h = mesh_.outgoing(v); h != no_index; h = mesh_.next_around(h))
-      angle += mesh_.corner_angle(h);
+    for (Index h = mesh_.outgoing(v); h != no_index; h = mesh_.next_around(h)) angle += mesh_.corner_angle(h);
     return angle / (std::numbers::pi / 2);
   }
-  /// One unit from `from` to `to` along the shortest path; the second along the
-  /// last search.
+  /// One unit from `from` to `to` along the shortest path; the second along the last search.
   void carry(Index from, Index to) {
-    search({from}, std::numeric_limits<double>::infinity(),
-           [&](Index w, double) { return w == to; });
+    search({from}, std::numeric_limits<double>::infinity(), [&](Index w, double) { return w == to; });
     follow(from, to);
   }
   void follow(Index from, Index to) {
@@ -536,19 +428,13 @@ private:
     }
   }
 
-  [[nodiscard]] static std::size_t at(Index i) {
-    return static_cast<std::size_t>(i);
-  }
-  [[nodiscard]] Index index(Index v) const {
-    return singularities_.index4[at(v)];
-  }
-  [[nodiscard]] bool interior(Index v) const {
-    return mesh_.outgoing(v) != no_index && !mesh_.on_boundary(v);
-  }
+  [[nodiscard]] static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+  [[nodiscard]] Index index(Index v) const { return singularities_.index4[at(v)]; }
+  [[nodiscard]] bool interior(Index v) const { return mesh_.outgoing(v) != no_index && !mesh_.on_boundary(v); }
 
   /// The half-edge from v to the inner neighbour with the least cost.
   template <class Cost>
-  [[nodiscard]] Index best_step(Index v, Cost &&cost) const {
+  [[nodiscard]] Index best_step(Index v, Cost&& cost) const {
     Index best = no_index, best_cost = 0;
     Index h = mesh_.outgoing(v);
     const Index start = h;
@@ -563,10 +449,9 @@ private:
     return best;
   }
 
-  /// Shortest edge paths from seeds over inner vertices; visit(vertex,
-  /// distance) returns true to stop.
+  /// Shortest edge paths from seeds over inner vertices; visit(vertex, distance) returns true to stop.
   template <class Visit>
-  void search(const std::vector<Index> &seeds, double limit, Visit &&visit) {
+  void search(const std::vector<Index>& seeds, double limit, Visit&& visit) {
     reached_.clear();
     using Entry = std::pair<double, Index>;
     std::priority_queue<Entry, std::vector<Entry>, std::greater<>> queue;
@@ -577,12 +462,9 @@ private:
     while (!queue.empty()) {
       const auto [d, v] = queue.top();
       queue.pop();
-      if (d > reached_[v].first)
-        continue;
-      if (visit(v, d))
-        return;
-      if (mesh_.outgoing(v) == no_index)
-        continue;
+      if (d > reached_[v].first) continue;
+      if (visit(v, d)) return;
+      if (mesh_.outgoing(v) == no_index) continue;
       Index h = mesh_.outgoing(v);
       const Index start = h;
       do {
@@ -602,10 +484,8 @@ private:
 
   bool cancel(Index plus, Index minus) {
     bool found = false;
-    search({plus}, std::numeric_limits<double>::infinity(),
-           [&](Index w, double) { return found = w == minus; });
-    if (!found)
-      return false;
+    search({plus}, std::numeric_limits<double>::infinity(), [&](Index w, double) { return found = w == minus; });
+    if (!found) return false;
     for (Index v = minus; v != plus;) {
       const Index h = reached_[v].second;
       move_unit(h);
@@ -614,16 +494,15 @@ private:
     return true;
   }
 
-  const TriangleMesh<double> &mesh_;
-  FrameField &frames_;
-  Matching &matching_;
-  Singularities &singularities_;
+  const TriangleMesh<double>& mesh_;
+  FrameField& frames_;
+  Matching& matching_;
+  Singularities& singularities_;
   std::span<const double> pull_;
   double reach_;
-  std::vector<double>
-      turned_; // of each face, radians, since the field was made
+  std::vector<double> turned_;  // of each face, radians, since the field was made
   std::unordered_map<Index, std::pair<double, Index>> reached_;
   Index moves_ = 0;
 };
 
-} // namespace quadrig
+}  // namespace quadrig
