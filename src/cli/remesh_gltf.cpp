@@ -141,12 +141,14 @@ Status add_level(const GltfJob& job, GltfDocument document, double read_seconds,
     passed += one.passed_shells;
     failed += one.failures.size();
   }
-  lines += (lines.empty() ? "" : "\n") + job.output.string() + ": " + std::to_string(sum.quads) + " quads, " +
-           std::to_string(sum.irregular) + " irregular vertices, scaled Jacobian " +
-           decimals(sum.scaled_jacobian_average, 3) + " on average and " + decimals(sum.scaled_jacobian_minimum, 3) +
-           " at least, " + decimals(read_seconds + watch.seconds(), 2) + " s" +
-           (passed > 0 ? "; " + std::to_string(passed) + " shells left as they are" : "") +
-           (failed > 0 ? "; " + std::to_string(failed) + " parts failed" : "");
+  lines +=
+      (lines.empty() ? "" : "\n") + job.output.string() + ": " + std::to_string(sum.quads) + " quads, " +
+      std::to_string(sum.irregular) + " irregular vertices, scaled Jacobian " +
+      decimals(sum.scaled_jacobian_average, 3) + " on average and " + decimals(sum.scaled_jacobian_minimum, 3) +
+      " at least, " + decimals(read_seconds + watch.seconds(), 2) + " s" +
+      (passed > 0 ? "; " + std::to_string(passed) + (passed == 1 ? " shell left as it is" : " shells left as they are")
+                  : "") +
+      (failed > 0 ? "; " + std::to_string(failed) + (failed == 1 ? " part failed" : " parts failed") : "");
   session.in_part = session.in_part || failed > 0;
   return {};
 }
