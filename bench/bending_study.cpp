@@ -5,6 +5,7 @@
 //   bending_study [--quads 500,2000,8000] NAME [MESH RIG WEIGHTS] ...      a sample's name alone needs no files
 #include <charconv>
 #include <cstdio>
+#include <numeric>
 
 #include "quadrig/io.hpp"
 #include "quadrig/pipeline.hpp"
@@ -44,15 +45,16 @@ std::vector<Variant> variants() {
   add("bone directions, isotropic, more where weights blend", FieldPreset::standard, sizing(blend, 1));
   add("bone directions, isotropic, rest curvature", FieldPreset::standard, sizing(rest, 1));
   add("bone directions, aspect and density of rest curvature", FieldPreset::standard, sizing(rest, 4));
-  for (const auto& [joints, name] : {std::pair{1.0, "posed metric (directions, aspect, density), joints 1"},
-                                     std::pair{3.0, "posed metric, joints 3"}, std::pair{8.0, "posed metric, joints 8"}}) {
+  for (const auto& [joints, name] :
+       {std::pair{1.0, "posed metric (directions, aspect, density), joints 1"},
+        std::pair{3.0, "posed metric, joints 3"}, std::pair{8.0, "posed metric, joints 8"}}) {
     RemeshOptions& o = add(name, FieldPreset::standard, sizing(posed, 4, joints));
     o.directions.bones = 0;
     o.directions.posed = 0.1;
   }
-  for (const auto& [joints, name] :
-       {std::pair{1.0, "bone directions, posed aspect and density, joints 1"},
-        std::pair{3.0, "bone directions, posed sizes, joints 3"}, std::pair{8.0, "bone directions, posed sizes, joints 8"}})
+  for (const auto& [joints, name] : {std::pair{1.0, "bone directions, posed aspect and density, joints 1"},
+                                     std::pair{3.0, "bone directions, posed sizes, joints 3"},
+                                     std::pair{8.0, "bone directions, posed sizes, joints 8"}})
     add(name, FieldPreset::standard, sizing(posed, 4, joints));
   add("bone and posed directions, posed sizes, joints 3", FieldPreset::standard, sizing(posed, 4, 3)).directions.posed =
       0.05;
@@ -68,7 +70,8 @@ std::vector<Pose> unseen_poses(const Skeleton& skeleton) {
     const Vector3 d = skeleton.bones[static_cast<std::size_t>(b)].direction();
     if (!(d.norm() > 0)) continue;
     const Vector3 x = d.unitOrthogonal(), y = d.cross(x);
-    for (const auto& [angle, degrees] : {std::pair{0.6, 35.0}, std::pair{2.2, 45.0}, std::pair{3.7, 80.0}, std::pair{5.3, 70.0}})
+    for (const auto& [angle, degrees] :
+         {std::pair{0.6, 35.0}, std::pair{2.2, 45.0}, std::pair{3.7, 80.0}, std::pair{5.3, 70.0}})
       poses.push_back(bend(skeleton, b, std::cos(angle) * x + std::sin(angle) * y, degrees * 0.017453292519943295));
     for (const double degrees : {-50.0, 50.0}) poses.push_back(bend(skeleton, b, d, degrees * 0.017453292519943295));
   }
@@ -93,8 +96,10 @@ int study(const std::string& name, const Asset& asset, const std::vector<Index>&
   measure.samples = 20000;
   for (const Index count : counts) {
     std::printf("\n### %s, %d quads asked\n\n", name.c_str(), count);
-    std::printf("| variant | quads | irregular | SJ avg / min | rung | joints | all | normals | unseen: joints | all | normals |\n"
-                "|---|---|---|---|---|---|---|---|---|---|---|\n");
+    std::printf(
+        "| variant | quads | irregular | SJ avg / min | rung | to bones | rings | joints | all | normals "
+        "| unseen: joints | all | normals |\n"
+        "|---|---|---|---|---|---|---|---|---|---|---|---|---|\n");
     for (Variant& variant : variants()) {
       variant.options.quads = count;
       Context context;
@@ -105,16 +110,20 @@ int study(const std::string& name, const Asset& asset, const std::vector<Index>&
       }
       const PolygonMesh coarse = polygons(result->mesh);
       const auto first = deformation_error(asset.mesh, rig.weights, coarse, *result->weights, seen, measure, context);
-      const auto second = deformation_error(asset.mesh, rig.weights, coarse, *result->weights, unseen, measure, context);
-      if (!first || !second) {
-        std::fprintf(stderr, "%s\n", (first ? second : first).error().message().c_str());
+      const auto second =
+          deformation_error(asset.mesh, rig.weights, coarse, *result->weights, unseen, measure, context);
+      const auto guidance = guidance_figures(asset.mesh, rig, result->mesh);
+      if (!first || !second || !guidance) {
+        std::fprintf(stderr, "%s: the result could not be measured\n", variant.name);
         return 1;
       }
+      const Index rings = std::accumulate(guidance->hinge_loops.begin(), guidance->hinge_loops.end(), Index{0});
       const RemeshReport& r = result->report;
-      std::printf("| %s | %d | %d | %.3f / %.2f | %s | %.2f | %.2f | %.1f° | %.2f | %.2f | %.1f° |\n", variant.name, r.quads,
-                  r.irregular, r.scaled_jacobian_average, r.scaled_jacobian_minimum,
-                  std::string(rung_name(r.components.front().rung)).c_str(), first->joints.rms, first->all.rms,
-                  first->all.normal_degrees, second->joints.rms, second->all.rms, second->all.normal_degrees);
+      std::printf("| %s | %d | %d | %.3f / %.2f | %s | %.1f° | %d | %.2f | %.2f | %.1f° | %.2f | %.2f | %.1f° |\n",
+                  variant.name, r.quads, r.irregular, r.scaled_jacobian_average, r.scaled_jacobian_minimum,
+                  std::string(rung_name(r.components.front().rung)).c_str(), guidance->bone_angle_mean_degrees, rings,
+                  first->joints.rms, first->all.rms, first->all.normal_degrees, second->joints.rms, second->all.rms,
+                  second->all.normal_degrees);
       std::fflush(stdout);
     }
   }

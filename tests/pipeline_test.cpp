@@ -1,10 +1,12 @@
 #include <atomic>
 #include <cstring>
+#include <numeric>
 
 #include "corpus/synthetic.hpp"
 #include "quadrig/pipeline.hpp"
 #include "quadrig/prepare.hpp"
 #include "quadrig/quads/topology.hpp"
+#include "quadrig/quality.hpp"
 #include "quadrig/samples.hpp"
 #include "surfaces.hpp"
 #include "test.hpp"
@@ -69,7 +71,8 @@ void check_result(const Asset& asset, const RemeshResult& result) {
   CHECK(result.report.quads == quads.quad_count());
   CHECK(result.report.irregular == topology.irregular);
   double least = 1;
-  for (Index q = 0; q < quads.quad_count(); ++q) least = std::min(least, scaled_jacobian(quads.positions, quads.quads.row(q)));
+  for (Index q = 0; q < quads.quad_count(); ++q)
+    least = std::min(least, scaled_jacobian(quads.positions, quads.quads.row(q)));
   CHECK(least > 0);
   CHECK(least == result.report.scaled_jacobian_minimum);
   REQUIRE(quads.source.size() == at(quads.vertex_count()));
@@ -96,10 +99,17 @@ bool same_bytes(const QuadMesh& a, const QuadMesh& b) {
 TEST_CASE("remesh: small surfaces of every kind come out valid", "[pipeline]") {
   for (const SyntheticCase& c : synthetic_cases()) {
     // The small ones; all of them in the slow test.
-    static constexpr std::array<std::string_view, 22> small{
-        "sphere_16", "torus_coarse", "cube_3", "tetrahedron", "wedge", "pyramid", "l_shape", "frame", "ladder_2", "cage",
-        "slivers_cube", "slivers_torus", "units_tiny_cube", "units_huge_sheet", "triangle", "square_2", "skewed",
-        "ragged_42", "annulus_0.5", "cube_open", "parts_mixed", "parts_of_all_sizes"};
+    static constexpr std::array<std::string_view, 22> small{"sphere_16",       "torus_coarse",
+                                                            "cube_3",          "tetrahedron",
+                                                            "wedge",           "pyramid",
+                                                            "l_shape",         "frame",
+                                                            "ladder_2",        "cage",
+                                                            "slivers_cube",    "slivers_torus",
+                                                            "units_tiny_cube", "units_huge_sheet",
+                                                            "triangle",        "square_2",
+                                                            "skewed",          "ragged_42",
+                                                            "annulus_0.5",     "cube_open",
+                                                            "parts_mixed",     "parts_of_all_sizes"};
     if (std::find(small.begin(), small.end(), c.name) == small.end()) continue;
     INFO(c.name);
     const Asset asset = asset_of(c.make());
@@ -188,6 +198,23 @@ TEST_CASE("remesh: a rigged result is valid, weighted and the same at any number
       CHECK(entries <= 2);
     }
     first = std::move(*result);
+  }
+}
+
+TEST_CASE("remesh: edges keep to the bones and ring the limbs, whatever was done to the singularities", "[pipeline]") {
+  Context context;
+  for (const auto& [name, limit] : {std::pair{"humanoid", 9.0}, std::pair{"wing", 6.0}}) {
+    INFO(name);
+    const auto sample = make_sample(name, 6000, context);
+    REQUIRE(sample);
+    const auto result = remesh(*sample, wanting(1500), context);
+    REQUIRE(result);
+    const auto guidance = guidance_figures(sample->mesh, *sample->rig, result->mesh);
+    REQUIRE(guidance);
+    CHECK(guidance->bone_edges > 300);
+    CHECK(guidance->bone_angle_mean_degrees < limit);
+    const Index rings = std::accumulate(guidance->hinge_loops.begin(), guidance->hinge_loops.end(), Index{0});
+    if (name == std::string_view("humanoid")) CHECK(rings > 6);
   }
 }
 
