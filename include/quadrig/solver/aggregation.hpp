@@ -81,20 +81,20 @@ template <class K>
 [[nodiscard]] HermitianMatrix<K> lower_columns(const SparseRows<K>& A) {
   HermitianMatrix<K> lower;
   lower.size = A.size();
-  std::vector<std::pair<Index, K>> column;
+  std::vector<std::size_t> column;
   for (Index j = 0; j < A.size(); ++j) {  // row j of the upper triangle, conjugated
     column.clear();
     K diagonal{};
     for (std::size_t e = A.starts[to_size(j)]; e < A.starts[to_size(j) + 1]; ++e) {
       if (A.columns[e] == j) diagonal = K(std::real(A.values[e]));
-      if (A.columns[e] > j) column.emplace_back(A.columns[e], conjugate(A.values[e]));
+      if (A.columns[e] > j) column.push_back(e);
     }
-    std::sort(column.begin(), column.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+    std::sort(column.begin(), column.end(), [&](std::size_t a, std::size_t b) { return A.columns[a] < A.columns[b]; });
     lower.rows.push_back(j);
     lower.values.push_back(diagonal);
-    for (const auto& [row, value] : column) {
-      lower.rows.push_back(row);
-      lower.values.push_back(value);
+    for (const std::size_t e : column) {
+      lower.rows.push_back(A.columns[e]);
+      lower.values.push_back(conjugate(A.values[e]));
     }
     lower.column_starts.push_back(static_cast<Index>(lower.rows.size()));
   }

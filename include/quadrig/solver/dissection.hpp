@@ -6,7 +6,7 @@
 namespace quadrig {
 
 struct DissectionOptions {
-  Index leaf = 120;    ///< pieces of at most so many unknowns are ordered by minimum degree
+  Index leaf = 160;    ///< pieces of at most so many unknowns are ordered by minimum degree
   double slack = 0.2;  ///< a separator may lie anywhere within this share of the unknowns from the middle
 };
 
