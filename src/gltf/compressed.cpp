@@ -21,7 +21,7 @@ const Json* compression_of(const Json& view, std::string& name) {
 
 Expected<std::string_view> unpacked_view(State& state, std::size_t i, std::size_t&) {
   std::string name;
-  compression_of(array_of(state.json, "bufferViews")[i], name);
+  static_cast<void>(compression_of(array_of(state.json, "bufferViews")[i], name));
   return state.unsupported(numbered("bufferViews", i),
                            "is compressed with " + name + ", which this build does not read",
                            "decompress the file first, or build with meshoptimizer");
