@@ -84,10 +84,11 @@ class Quantizer {
   /// Adds and takes rows while the energy falls. \pre valid
   int descend(const Context& context) {
     int moves = 0;
+    const std::int64_t enough = work_ + 8'000'000;
     for (int pass = 0; pass < 200; ++pass) {
       int accepted = 0;
       for (Index h = 0; h < map_.halfedge_count(); ++h) {
-        if (context.cancelled()) return moves;
+        if (context.cancelled() || work_ > enough) return moves + accepted;
         for (int a = 0; a < 4; ++a)
           while (change(h, a) < -1e-12 && try_strip(h, a, Aim::energy)) ++accepted;
       }
@@ -101,7 +102,8 @@ class Quantizer {
   /// the tolerance or none does. \pre valid
   int steer(double target, double tolerance, const Context& context) {
     int moves = 0;
-    for (; moves < 24 && std::abs(quads() / target - 1) > tolerance; ++moves) {
+    const std::int64_t enough = work_ + 8'000'000;
+    for (; moves < 24 && work_ < enough && std::abs(quads() / target - 1) > tolerance; ++moves) {
       missing_ = target - quads();
       best_price_ = std::numeric_limits<double>::infinity();
       best_changes_.clear();
@@ -329,6 +331,7 @@ class Quantizer {
     while (!queue_.empty()) {
       const auto [price, node] = queue_.top();
       queue_.pop();
+      ++work_;
       if (price <= distance_[at(node)]) return node;
     }
     return no_index;
@@ -410,6 +413,7 @@ class Quantizer {
   int border_known_ = 0;
   std::vector<std::pair<Index, Gaussian>> changes_, best_changes_;
   double missing_ = 0, best_price_ = 0;
+  std::int64_t work_ = 0;  // nodes searched, which bounds what a map of very many cones may cost
   using Entry = std::pair<double, Index>;
   std::priority_queue<Entry, std::vector<Entry>, std::greater<>> queue_;
 };
