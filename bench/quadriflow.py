@@ -107,6 +107,9 @@ def main():
                         continue
                     stats = [arguments.quadrig, "stats", out, "--json", "--input", surface, *rig_options]
                     figures = json.loads(subprocess.run(stats, capture_output=True, text=True, check=True).stdout)["meshes"][0]
+                    if not figures["quads"]:
+                        print(f"| {surface.stem} {quads} | {title} | made no quads | | | | | | |")
+                        continue
                     shape, bending = figures["scaled_jacobian"], figures.get("deformation")
                     print(f"| {surface.stem} {quads} | {title} | {figures['quads']} | {seconds:.2f} | {figures['irregular_interior']} "
                           f"| {shape['average']:.3f} / {shape['minimum']:.2f} | {100 * shape['negative']:.2f} % "
