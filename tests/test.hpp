@@ -7,6 +7,7 @@
 #include <catch2/catch_test_macros.hpp>
 #include <catch2/generators/catch_generators.hpp>
 #include <catch2/generators/catch_generators_range.hpp>
+using Catch::Approx;  // in reach without its namespace, as in the older generation
 #else
 #include <catch2/catch.hpp>
 #endif
