@@ -97,7 +97,8 @@ TEST_CASE("extract: quads cover the area of the map once", "[extract]") {
   double area = 0;
   for (Index q = 0; q < quads.quads.rows(); ++q) {
     std::array<Vector3, 4> p;
-    for (int i = 0; i < 4; ++i) p[static_cast<std::size_t>(i)] = position(c.field.mesh, quads.vertices[at(quads.quads(q, i))]);
+    for (int i = 0; i < 4; ++i)
+      p[static_cast<std::size_t>(i)] = position(c.field.mesh, quads.vertices[at(quads.quads(q, i))]);
     area += (p[2] - p[0]).cross(p[3] - p[1]).norm() / 2;
   }
   CHECK(area == quadrig::test::Approx(c.field.mesh.total_area()).epsilon(0.05));
@@ -105,7 +106,8 @@ TEST_CASE("extract: quads cover the area of the map once", "[extract]") {
 
 TEST_CASE("extract: on a flat grid the coarse map puts its quads where the fine one does", "[extract]") {
   // A rectangle of 6 × 4 whose seamless map is the plane itself: nothing is rounded.
-  FieldCase c = field_case(build(synthetic::sheet(12, 8, [](double s, double t) { return Vector3(6 * s, 4 * t, 0); })), 0, 1.0);
+  FieldCase c =
+      field_case(build(synthetic::sheet(12, 8, [](double s, double t) { return Vector3(6 * s, 4 * t, 0); })), 0, 1.0);
   const GridCase g = grid_case<double>(std::move(c), 24);
   CHECK(g.integers.quads == 24);
   REQUIRE(g.fine.has_value());

@@ -17,8 +17,10 @@ namespace quadrig::test {
 [[nodiscard]] inline TriangleMesh<double> closed_surface(int which) {
   using namespace synthetic;
   switch (which) {
-    case 0: return build(bumpy(sphere(14), 0.3, 3, 5));
-    case 1: return build(torus_mesh(28, 16, 1, 0.4));
+    case 0:
+      return build(bumpy(sphere(14), 0.3, 3, 5));
+    case 1:
+      return build(torus_mesh(28, 16, 1, 0.4));
     default:
       return build(level_set(any_of({torus({0, 0, 0}, 0.8, 0.3), torus({1.5, 0, 0}, 0.8, 0.3)}, 0.2),
                              Vector3(-1.3, -1.3, -0.6), Vector3(2.8, 1.3, 0.6), 0.22));
@@ -28,9 +30,12 @@ namespace quadrig::test {
 [[nodiscard]] inline TriangleMesh<double> open_surface(int which) {
   using namespace synthetic;
   switch (which) {
-    case 0: return build(sheet(10, 10, [](double s, double t) { return Vector3(s, t, 0.3 * s * t); }));
-    case 1: return build(revolved(stepped({{0.4, 0}, {1, 0.3}}, 0.12), 24));
-    default: return build(clipped(sphere(16), holes_in_ball(3, 0.45)));
+    case 0:
+      return build(sheet(10, 10, [](double s, double t) { return Vector3(s, t, 0.3 * s * t); }));
+    case 1:
+      return build(revolved(stepped({{0.4, 0}, {1, 0.3}}, 0.12), 24));
+    default:
+      return build(clipped(sphere(16), holes_in_ball(3, 0.45)));
   }
 }
 

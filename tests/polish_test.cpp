@@ -1,5 +1,5 @@
-#include "corpus/synthetic.hpp"
 #include "quadrig/polish.hpp"
+#include "corpus/synthetic.hpp"
 #include "surfaces.hpp"
 #include "test.hpp"
 

@@ -69,7 +69,8 @@ TEST_CASE("quantize: decimation keeps the flat metric", "[quantize]") {
   const auto cone = cones(map, c.field.mesh.vertex_count(), map.vector);
   for (Index h = 0; h < map.halfedge_count(); ++h) {
     const Index v = map.origin[at(h)];
-    CHECK(cone[at(v)] == quadrig::test::Approx((c.field.mesh.on_boundary(v) ? 2 : 4) - c.field.index()[at(v)]).margin(1e-5));
+    CHECK(cone[at(v)] ==
+          quadrig::test::Approx((c.field.mesh.on_boundary(v) ? 2 : 4) - c.field.index()[at(v)]).margin(1e-5));
     if (const Index g = map.twin[at(h)]; g != no_index) {
       CHECK(map.twin[at(g)] == h);
       CHECK(map.origin[at(g)] == map.origin[at(next(h))]);
@@ -105,7 +106,8 @@ TEST_CASE("quantize: integers are closed, positive, consistent and count the qua
     }
     const auto cone = cones(map, c.field.mesh.vertex_count(), q.edge);
     for (const Index v : map.origin)
-      CHECK(cone[at(v)] == quadrig::test::Approx((c.field.mesh.on_boundary(v) ? 2 : 4) - c.field.index()[at(v)]).margin(1e-9));
+      CHECK(cone[at(v)] ==
+            quadrig::test::Approx((c.field.mesh.on_boundary(v) ? 2 : 4) - c.field.index()[at(v)]).margin(1e-9));
     if (wanted >= 20.0 * (10 + c.field.singular_count())) CHECK(std::abs(q.quads / wanted - 1) < 0.05);
   }
 }
@@ -126,7 +128,8 @@ TEST_CASE("quantize: finer integers come closer to the map", "[quantize]") {
 TEST_CASE("quantize: the integers determine every cone and handle of the fine map", "[quantize]") {
   const int which = GENERATE(0, 1, 2);
   const CoarseCase c = coarse_case(which, 0);
-  const auto unknowns = MapUnknowns<Complex>::create(c.field.mesh, c.field.cut, c.field.index(), c.field.aligned).value();
+  const auto unknowns =
+      MapUnknowns<Complex>::create(c.field.mesh, c.field.cut, c.field.index(), c.field.aligned).value();
   Context context;
   const Quantization q = quantize(c.map, c.field.index(), c.field.border(), QuantizeOptions{}, context).value();
   const auto solution = substitute_integers<Complex>(c.field.cut, unknowns, c.map, q).value();

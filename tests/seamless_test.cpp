@@ -109,12 +109,12 @@ TEST_CASE("elimination: contradictions are told, and fractions refused", "[seaml
   using Kind = E::Kind;
   const std::vector<Kind> kinds{Kind::integer, Kind::integer, Kind::constant};
   E one(kinds);
-  REQUIRE(one.add({{0, 2}, {2, -4}}));       // 2x = 4
+  REQUIRE(one.add({{0, 2}, {2, -4}}));  // 2x = 4
   CHECK(one.resolved({{0, 1}})[0].coefficient == 2);
-  CHECK(one.add({{0, 3}, {2, -6}}));         // says nothing new
-  CHECK_FALSE(one.add({{0, 1}, {2, -3}}));   // x = 3
+  CHECK(one.add({{0, 3}, {2, -6}}));        // says nothing new
+  CHECK_FALSE(one.add({{0, 1}, {2, -3}}));  // x = 3
   E two(kinds);
-  CHECK_FALSE(two.add({{0, 2}, {2, -1}}));   // 2x = 1
+  CHECK_FALSE(two.add({{0, 2}, {2, -1}}));  // 2x = 1
   E three(kinds);
   REQUIRE(three.add({{0, 6}, {1, 4}, {2, -2}}));  // 3x + 2y = 1 has integer solutions
   CHECK_FALSE(E(kinds).add({{0, 6}, {1, 4}, {2, -3}}));
@@ -236,7 +236,8 @@ TEST_CASE("seamless: a valid map has cones of 4 - I4 that sum to the surface's",
   Index sum = 0;
   for (Index v = 0; v < c.mesh.vertex_count(); ++v) {
     const Index i = c.index()[at(v)];
-    CHECK(cone[at(v)] / (std::numbers::pi / 2) == quadrig::test::Approx((c.mesh.on_boundary(v) ? 2 : 4) - i).margin(1e-6));
+    CHECK(cone[at(v)] / (std::numbers::pi / 2) ==
+          quadrig::test::Approx((c.mesh.on_boundary(v) ? 2 : 4) - i).margin(1e-6));
     sum += i;
   }
   CHECK(sum == 4 * euler_characteristic(c.mesh));

@@ -64,7 +64,9 @@ class TriangleMesh {
   [[nodiscard]] bool closed() const { return 2 * interior_edges_ == halfedge_count(); }
 
   [[nodiscard]] Vector position(Index vertex) const { return positions_.row(vertex).transpose(); }
-  [[nodiscard]] Vector edge_vector(Index halfedge) const { return position(target(halfedge)) - position(origin(halfedge)); }
+  [[nodiscard]] Vector edge_vector(Index halfedge) const {
+    return position(target(halfedge)) - position(origin(halfedge));
+  }
   [[nodiscard]] const Points<Scalar>& normals() const { return normals_; }  ///< m×3, unit; zero where the area is zero
   [[nodiscard]] Vector normal(Index face) const { return normals_.row(face).transpose(); }
   [[nodiscard]] const Eigen::Matrix<Scalar, Eigen::Dynamic, 1>& areas() const { return areas_; }
@@ -166,8 +168,7 @@ Expected<TriangleMesh<Scalar>> TriangleMesh<Scalar>::create(Points<Scalar> posit
   });
   for (std::size_t first = 0, last = 0; first < sides.size(); first = last) {
     while (last < sides.size() && sides[last].low == sides[first].low && sides[last].high == sides[first].high) ++last;
-    const std::string place =
-        "edge " + std::to_string(sides[first].low) + " - " + std::to_string(sides[first].high);
+    const std::string place = "edge " + std::to_string(sides[first].low) + " - " + std::to_string(sides[first].high);
     if (last - first > 2) return fail("edge has more than two faces", place);
     if (last - first == 2) {
       const Index h = sides[first].halfedge, g = sides[first + 1].halfedge;

@@ -50,8 +50,8 @@ enum class Rung : std::uint8_t {
 }
 
 struct ComponentReport {
-  Index faces = 0;       ///< of the input component
-  double asked = 0;      ///< its share of the count
+  Index faces = 0;   ///< of the input component
+  double asked = 0;  ///< its share of the count
   Index quads = 0, irregular = 0;
   Index singularities = 0;
   Rung rung = Rung::fine_map;
@@ -75,8 +75,8 @@ struct RemeshReport {
 };
 
 struct RemeshResult {
-  QuadMesh mesh;                        ///< `source` refers to the asset's mesh
-  std::optional<SkinWeights> weights;   ///< one row a vertex of `mesh`, where the asset has a rig
+  QuadMesh mesh;                       ///< `source` refers to the asset's mesh
+  std::optional<SkinWeights> weights;  ///< one row a vertex of `mesh`, where the asset has a rig
   RemeshReport report;
 };
 

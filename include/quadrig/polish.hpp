@@ -14,7 +14,7 @@ struct PolishOptions {
 };
 
 struct PolishReport {
-  double least_before = 0, least_after = 0;      ///< scaled Jacobian
+  double least_before = 0, least_after = 0;  ///< scaled Jacobian
   double average_before = 0, average_after = 0;
   int rounds = 0;
 };

@@ -35,9 +35,9 @@ struct SizingOptions {
   double largest_aspect = 4;
   /// How much more an error counts where weights blend, ≥ 1.
   double joint_weight = 8;
-  double least_density = 0.25;   ///< of the mean, in (0, 1]
-  double largest_density = 16;   ///< of the mean, ≥ 1
-  double gradation = 0.3;        ///< relative change of size over one quad, > 0
+  double least_density = 0.25;  ///< of the mean, in (0, 1]
+  double largest_density = 16;  ///< of the mean, ≥ 1
+  double gradation = 0.3;       ///< relative change of size over one quad, > 0
 
   [[nodiscard]] Status validate() const {
     const auto bad = [](std::string field, std::string remedy) {

@@ -46,10 +46,18 @@ namespace quadrig {
     const Index a = v[s], b = v[(s + 1) % 3], c = v[(s + 2) % 3];
     const Index ab = m[s], bc = m[(s + 1) % 3], ca = m[(s + 2) % 3];
     switch (count) {
-      case 0: faces.push_back({a, b, c}); break;
-      case 1: faces.insert(faces.end(), {{a, ab, c}, {ab, b, c}}); break;
-      case 2: faces.insert(faces.end(), {{ab, b, bc}, {a, ab, bc}, {a, bc, c}}); break;
-      default: faces.insert(faces.end(), {{a, ab, ca}, {ab, b, bc}, {ca, bc, c}, {ab, bc, ca}}); break;
+      case 0:
+        faces.push_back({a, b, c});
+        break;
+      case 1:
+        faces.insert(faces.end(), {{a, ab, c}, {ab, b, c}});
+        break;
+      case 2:
+        faces.insert(faces.end(), {{ab, b, bc}, {a, ab, bc}, {a, bc, c}});
+        break;
+      default:
+        faces.insert(faces.end(), {{a, ab, ca}, {ab, b, bc}, {ca, bc, c}, {ab, bc, ca}});
+        break;
     }
     parent.insert(parent.end(), faces.size() - before, f);
   }

@@ -1,4 +1,5 @@
-// Quads from an integer-grid map, in exact integer arithmetic: from the centre of each unit square, walk to its corners.
+// Quads from an integer-grid map, in exact integer arithmetic: from the centre of each unit square, walk to its
+// corners.
 #pragma once
 
 #include <unordered_map>
@@ -77,7 +78,10 @@ class Extractor {
             const Gaussian q{x + half * offset[k].re, y + half * offset[k].im};
             const std::optional<Index> vertex = walk(f, c, q);
             if (!vertex)
-              return Error{ErrorCode::stage_failed, "a grid line leaves the surface", "extraction, face " + std::to_string(f), {}};
+              return Error{ErrorCode::stage_failed,
+                           "a grid line leaves the surface",
+                           "extraction, face " + std::to_string(f),
+                           {}};
             quad[k] = *vertex;
           }
           corners_.push_back(quad);
@@ -86,7 +90,8 @@ class Extractor {
     }
     result_.quads.resize(static_cast<Eigen::Index>(corners_.size()), 4);
     for (std::size_t k = 0; k < corners_.size(); ++k)
-      for (int i = 0; i < 4; ++i) result_.quads(static_cast<Eigen::Index>(k), i) = corners_[k][static_cast<std::size_t>(i)];
+      for (int i = 0; i < 4; ++i)
+        result_.quads(static_cast<Eigen::Index>(k), i) = corners_[k][static_cast<std::size_t>(i)];
     return std::move(result_);
   }
 
@@ -94,9 +99,7 @@ class Extractor {
   [[nodiscard]] static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
   [[nodiscard]] static Index next(Index h) { return h % 3 == 2 ? h - 2 : h + 1; }
   [[nodiscard]] static Index prev(Index h) { return h % 3 == 0 ? h + 2 : h - 1; }
-  [[nodiscard]] static std::int64_t ceiling(std::int64_t a, std::int64_t b) {
-    return a / b + (a % b > 0 ? 1 : 0);
-  }
+  [[nodiscard]] static std::int64_t ceiling(std::int64_t a, std::int64_t b) { return a / b + (a % b > 0 ? 1 : 0); }
 
   /// Inside; on an edge the lower face owns it, on a vertex the lowest of its fan.
   [[nodiscard]] bool owns(Index f, const Gaussian (&p)[3], Gaussian c) const {

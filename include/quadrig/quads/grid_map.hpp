@@ -24,8 +24,8 @@ template <class K>
   using detail::at;
   using Unknowns = MapUnknowns<K>;
   using R = RingOf<K>;
-  const Error contradiction{ErrorCode::stage_failed, "the integers contradict the seamless constraints",
-                            "quantization", {}};
+  const Error contradiction{
+      ErrorCode::stage_failed, "the integers contradict the seamless constraints", "quantization", {}};
   Elimination<R> elimination = unknowns.elimination();
   for (Index h = 0; h < map.halfedge_count(); ++h) {
     if (map.twin[at(h)] != no_index && map.twin[at(h)] < h) continue;
@@ -134,8 +134,7 @@ template <class K>
     Index h = start;
     do {
       const Gaussian shift = translation(h);
-      map.corner[at(h)] =
-          rotated(p, cut.corner_rotation[at(h)]) + Gaussian{shift.re * map.unit, shift.im * map.unit};
+      map.corner[at(h)] = rotated(p, cut.corner_rotation[at(h)]) + Gaussian{shift.re * map.unit, shift.im * map.unit};
       h = mesh.next_around(h);
     } while (h != no_index && h != start);
   }

@@ -37,9 +37,7 @@ class CoarsePlacement {
     return point;
   }
   [[nodiscard]] Complex z(Index h) const { return z_[static_cast<std::size_t>(h)]; }
-  [[nodiscard]] double angle(Index h) const {
-    return std::arg((z(mesh_.prev(h)) - z(h)) / (z(mesh_.next(h)) - z(h)));
-  }
+  [[nodiscard]] double angle(Index h) const { return std::arg((z(mesh_.prev(h)) - z(h)) / (z(mesh_.next(h)) - z(h))); }
 
   /// Straight from vertex v at an angle of its fan, for a length in the map.
   [[nodiscard]] SurfacePoint trace(Index v, double direction, double length) const {

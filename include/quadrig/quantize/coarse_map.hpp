@@ -8,13 +8,13 @@ namespace quadrig {
 
 /// Triangles of a flat cone metric over vertices of the fine mesh. Half-edge h = 3 f + i as in TriangleMesh.
 struct CoarseMap {
-  std::vector<Index> origin;           ///< fine vertex
-  std::vector<Index> twin;             ///< no_index on the border
-  std::vector<std::int8_t> rotation;   ///< to the chart of the twin's face
-  std::vector<Complex> vector;         ///< z(target) − z(origin), in the chart of the face
-  std::vector<Aligned> aligned;        ///< border and crease edges
-  std::vector<double> direction;       ///< angle of the edge at its origin, counter-clockwise from the fine mesh's
-                                       ///< outgoing(origin), measured in the map
+  std::vector<Index> origin;          ///< fine vertex
+  std::vector<Index> twin;            ///< no_index on the border
+  std::vector<std::int8_t> rotation;  ///< to the chart of the twin's face
+  std::vector<Complex> vector;        ///< z(target) − z(origin), in the chart of the face
+  std::vector<Aligned> aligned;       ///< border and crease edges
+  std::vector<double> direction;      ///< angle of the edge at its origin, counter-clockwise from the fine mesh's
+                                      ///< outgoing(origin), measured in the map
   std::vector<LinearExpression<Gaussian>> expression;  ///< `vector` over vertex and branch variables
 
   [[nodiscard]] Index face_count() const { return static_cast<Index>(origin.size() / 3); }
@@ -50,7 +50,7 @@ class ExpressionPool {
 class MapDecimator {
  public:
   MapDecimator(const TriangleMesh<double>& mesh, const CutGraph& cut, const std::vector<Index>& index,
-            const std::vector<Aligned>& aligned, const std::vector<Complex>& z)
+               const std::vector<Aligned>& aligned, const std::vector<Complex>& z)
       : face_count_(mesh.face_count()) {
     const Index half_edges = mesh.halfedge_count(), n = mesh.vertex_count();
     origin_.resize(at(half_edges));
@@ -257,16 +257,16 @@ class MapDecimator {
     }
     // Slots: f = (hp: c→a, h_slot: ...). Rotate roles inside the faces: hp stays c→a, hn slot takes d→c, h slot a→d.
     const Complex cd = ca + ad;
-    move(4, h, a, ks[0], taus[0]);                    // a → d, from gn
-    origin_[at(hn)] = d;                              // d → c, new
+    move(4, h, a, ks[0], taus[0]);  // a → d, from gn
+    origin_[at(hn)] = d;            // d → c, new
     corner_rotation_[at(hn)] = ks[5];
     corner_translation_[at(hn)] = taus[5];
     vector_[at(hn)] = -cd;
     aligned_[at(hn)] = Aligned::none;
     direction_[at(hn)] = moved_[5].direction + std::arg(-cd / db);
     // hp: c → a stays.
-    move(1, g, b, ks[3], taus[3]);                    // b → c, from hn
-    origin_[at(gn)] = c;                              // c → d, new
+    move(1, g, b, ks[3], taus[3]);  // b → c, from hn
+    origin_[at(gn)] = c;            // c → d, new
     corner_rotation_[at(gn)] = ks[2];
     corner_translation_[at(gn)] = taus[2];
     vector_[at(gn)] = cd;
@@ -372,7 +372,7 @@ class MapDecimator {
     const std::int8_t w_rotation = corner_rotation_[at(w_corner)];
     const Index w_translation = corner_translation_[at(w_corner)];
     const Complex d = last_spoke ? -vector_[at(prev(fan_.back()))] : vector_[at(fan_[s])];
-    const auto face_left = [&]() -> std::size_t { return s < k ? s : k; };          // fan face whose first spoke is s
+    const auto face_left = [&]() -> std::size_t { return s < k ? s : k; };  // fan face whose first spoke is s
     const auto face_right = [&]() -> std::size_t { return border ? (s == 0 ? k : s - 1) : (s + k - 1) % k; };
     const std::size_t fl = face_left(), fr = face_right();
 
@@ -444,11 +444,13 @@ class MapDecimator {
         }
         aligned_[at(inner)] = kept;
         if (outside != no_index && kept != Aligned::none)
-          aligned_[at(outside)] = (r & 1) ? (kept == Aligned::v_constant ? Aligned::u_constant : Aligned::v_constant) : kept;
+          aligned_[at(outside)] =
+              (r & 1) ? (kept == Aligned::v_constant ? Aligned::u_constant : Aligned::v_constant) : kept;
       } else if (outside != no_index) {
         twin_[at(outside)] = no_index;
         if (kept != Aligned::none)
-          aligned_[at(outside)] = (r & 1) ? (kept == Aligned::v_constant ? Aligned::u_constant : Aligned::v_constant) : kept;
+          aligned_[at(outside)] =
+              (r & 1) ? (kept == Aligned::v_constant ? Aligned::u_constant : Aligned::v_constant) : kept;
       }
       return std::array<Index, 3>{inner, outside, far};
     };

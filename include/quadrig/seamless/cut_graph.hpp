@@ -45,10 +45,10 @@ inline std::vector<std::int8_t> comb_faces(const TriangleMesh<double>& mesh, con
   std::vector<char> done(at(m), 0);
   Points<double> centroid(m, 3);
   for (Index f = 0; f < m; ++f)
-    centroid.row(f) = (mesh.position(mesh.faces()(f, 0)) + mesh.position(mesh.faces()(f, 1)) +
-                       mesh.position(mesh.faces()(f, 2)))
-                          .transpose() /
-                      3;
+    centroid.row(f) =
+        (mesh.position(mesh.faces()(f, 0)) + mesh.position(mesh.faces()(f, 1)) + mesh.position(mesh.faces()(f, 2)))
+            .transpose() /
+        3;
   in_tree.assign(at(3 * m), 0);
   using Entry = std::pair<double, Index>;
   std::priority_queue<Entry, std::vector<Entry>, std::greater<>> queue;

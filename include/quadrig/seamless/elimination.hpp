@@ -157,7 +157,6 @@ class Elimination {
     return true;
   }
 
-
   std::vector<Kind> kinds_;
   std::vector<char> solved_;
   std::vector<Index> occurrences_;

@@ -11,9 +11,7 @@ struct Gaussian {
   friend bool operator==(const Gaussian&, const Gaussian&) = default;
   friend Gaussian operator+(Gaussian a, Gaussian b) { return {a.re + b.re, a.im + b.im}; }
   friend Gaussian operator-(Gaussian a, Gaussian b) { return {a.re - b.re, a.im - b.im}; }
-  friend Gaussian operator*(Gaussian a, Gaussian b) {
-    return {a.re * b.re - a.im * b.im, a.re * b.im + a.im * b.re};
-  }
+  friend Gaussian operator*(Gaussian a, Gaussian b) { return {a.re * b.re - a.im * b.im, a.re * b.im + a.im * b.re}; }
   Gaussian operator-() const { return {-re, -im}; }
   Gaussian& operator+=(Gaussian b) { return *this = *this + b; }
   Gaussian& operator-=(Gaussian b) { return *this = *this - b; }
@@ -22,18 +20,26 @@ struct Gaussian {
 /// i^k z for any integer k, in one step.
 [[nodiscard]] inline Gaussian rotated(Gaussian z, int k) {
   switch (k & 3) {
-    case 0: return z;
-    case 1: return {-z.im, z.re};
-    case 2: return {-z.re, -z.im};
-    default: return {z.im, -z.re};
+    case 0:
+      return z;
+    case 1:
+      return {-z.im, z.re};
+    case 2:
+      return {-z.re, -z.im};
+    default:
+      return {z.im, -z.re};
   }
 }
 [[nodiscard]] inline Complex rotated(Complex z, int k) {
   switch (k & 3) {
-    case 0: return z;
-    case 1: return {-z.imag(), z.real()};
-    case 2: return -z;
-    default: return {z.imag(), -z.real()};
+    case 0:
+      return z;
+    case 1:
+      return {-z.imag(), z.real()};
+    case 2:
+      return -z;
+    default:
+      return {z.imag(), -z.real()};
   }
 }
 

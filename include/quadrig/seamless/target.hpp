@@ -83,27 +83,27 @@ struct LogScaleOptions {
       strength[at(f)][static_cast<std::size_t>(c)] = std::max(2 * sum / 3, 1e-300);
     }
   const double total_area = mesh.total_area();
-  const RowTerm curl{"curl", [&](EmitRow<double> emit) {
-                       for (Index h = 0; h < mesh.halfedge_count(); ++h) {
-                         const Index g = mesh.twin(h);
-                         if (g < h) continue;
-                         const Index f = h / 3, k = g / 3;
-                         const Complex across = -rotated(target[at(g)], -cut.rotation[at(h)]);
-                         for (int c = 0; c < 2; ++c) {
-                           const int d = (c + cut.rotation[at(h)]) & 1;
-                           const double p = c == 0 ? target[at(h)].real() : target[at(h)].imag();
-                           const double q = c == 0 ? across.real() : across.imag();
-                           const double scale = (strength[at(f)][static_cast<std::size_t>(c)] +
-                                                 strength[at(k)][static_cast<std::size_t>(d)]) / 2;
-                           const double mean = (p + q) / 6;
-                           const std::array<Index, 6> where{variable(3 * f, c),     variable(3 * f + 1, c),
-                                                            variable(3 * f + 2, c), variable(3 * k, d),
-                                                            variable(3 * k + 1, d), variable(3 * k + 2, d)};
-                           const std::array<double, 6> factor{mean, mean, mean, -mean, -mean, -mean};
-                           emit({where, factor, q - p, 1.5 / ((mesh.area(f) + mesh.area(k)) * scale)});
-                         }
-                       }
-                     }};
+  const RowTerm curl{
+      "curl", [&](EmitRow<double> emit) {
+        for (Index h = 0; h < mesh.halfedge_count(); ++h) {
+          const Index g = mesh.twin(h);
+          if (g < h) continue;
+          const Index f = h / 3, k = g / 3;
+          const Complex across = -rotated(target[at(g)], -cut.rotation[at(h)]);
+          for (int c = 0; c < 2; ++c) {
+            const int d = (c + cut.rotation[at(h)]) & 1;
+            const double p = c == 0 ? target[at(h)].real() : target[at(h)].imag();
+            const double q = c == 0 ? across.real() : across.imag();
+            const double scale =
+                (strength[at(f)][static_cast<std::size_t>(c)] + strength[at(k)][static_cast<std::size_t>(d)]) / 2;
+            const double mean = (p + q) / 6;
+            const std::array<Index, 6> where{variable(3 * f, c), variable(3 * f + 1, c), variable(3 * f + 2, c),
+                                             variable(3 * k, d), variable(3 * k + 1, d), variable(3 * k + 2, d)};
+            const std::array<double, 6> factor{mean, mean, mean, -mean, -mean, -mean};
+            emit({where, factor, q - p, 1.5 / ((mesh.area(f) + mesh.area(k)) * scale)});
+          }
+        }
+      }};
   const RowTerm smooth{"smoothness", [&](EmitRow<double> emit) {
                          for (Index f = 0; f < m; ++f) {
                            const double area = mesh.area(f);
@@ -122,17 +122,16 @@ struct LogScaleOptions {
                            }
                          }
                        }};
-  const RowTerm fidelity{"fidelity", [&](EmitRow<double> emit) {
-                           std::vector<double> mass(at(n), 0);
-                           for (Index h = 0; h < mesh.halfedge_count(); ++h)
-                             mass[at(mesh.origin(h))] += mesh.area(h / 3) / 3;
-                           for (Index v = 0; v < 2 * n; ++v) {
-                             const std::array<Index, 1> where{v};
-                             const std::array<double, 1> factor{1};
-                             emit({where, factor, 0,
-                                   std::max(options.fidelity * mass[at(v / 2)], 1e-12 * total_area) / total_area});
-                           }
-                         }};
+  const RowTerm fidelity{
+      "fidelity", [&](EmitRow<double> emit) {
+        std::vector<double> mass(at(n), 0);
+        for (Index h = 0; h < mesh.halfedge_count(); ++h) mass[at(mesh.origin(h))] += mesh.area(h / 3) / 3;
+        for (Index v = 0; v < 2 * n; ++v) {
+          const std::array<Index, 1> where{v};
+          const std::array<double, 1> factor{1};
+          emit({where, factor, 0, std::max(options.fidelity * mass[at(v / 2)], 1e-12 * total_area) / total_area});
+        }
+      }};
   QuadraticForm<double> form(2 * n);
   if (Status status = form.assemble(curl, smooth, fidelity); !status.ok()) return status;
   Expected<AnySolver<double>> solver = make_solver<double>();

@@ -43,7 +43,8 @@ class MapUnknowns {
       for (Index h = 0; h < mesh.halfedge_count(); ++h)
         if (aligned[at(h)] != Aligned::none)
           for (const Index corner : {h, mesh.next(h)}) {
-            const int component = (aligned[at(h)] == Aligned::v_constant ? 1 : 0) ^ (cut.corner_rotation[at(corner)] & 1);
+            const int component =
+                (aligned[at(h)] == Aligned::v_constant ? 1 : 0) ^ (cut.corner_rotation[at(corner)] & 1);
             kinds[at(2 * mesh.origin(corner) + component)] = Kind::integer;
           }
 
@@ -96,8 +97,8 @@ class MapUnknowns {
     if constexpr (components == 2)
       for (Index h = 0; h < mesh.halfedge_count(); ++h)
         if (aligned[at(h)] != Aligned::none)
-          if (!result.elimination_.add(result.project(result.edge_expression(mesh, cut, h),
-                                                      aligned[at(h)] == Aligned::v_constant ? 1 : 0)))
+          if (!result.elimination_.add(
+                  result.project(result.edge_expression(mesh, cut, h), aligned[at(h)] == Aligned::v_constant ? 1 : 0)))
             return contradiction;
 
     result.index_corners(mesh, cut);

@@ -9,9 +9,9 @@
 namespace quadrig {
 
 struct UntangleOptions {
-  double theta = 0.1;       ///< share of the area in the energy, in (0, 1)
-  int iterations = 60;      ///< Newton steps a neighbourhood
-  int rings = 48;           ///< largest neighbourhood, in edges from a defect
+  double theta = 0.1;   ///< share of the area in the energy, in (0, 1)
+  int iterations = 60;  ///< Newton steps a neighbourhood
+  int rings = 48;       ///< largest neighbourhood, in edges from a defect
   /// Triangles times steps that may be spent, beside 5 for every triangle of the mesh.
   std::int64_t work = 150'000;
 };
@@ -36,8 +36,7 @@ class Untangler {
     for (Index h = 0; h < mesh.halfedge_count(); ++h)
       if (aligned[at(h)] != Aligned::none)
         for (const Index corner : {h, mesh.next(h)}) {
-          const int component =
-              (aligned[at(h)] == Aligned::v_constant ? 1 : 0) ^ (cut.corner_rotation[at(corner)] & 1);
+          const int component = (aligned[at(h)] == Aligned::v_constant ? 1 : 0) ^ (cut.corner_rotation[at(corner)] & 1);
           held_[at(mesh.origin(corner))] |= static_cast<char>(1 << component);
         }
   }
@@ -145,7 +144,8 @@ class Untangler {
       const Jacobian j = jacobian(p);
       const double d = determinant(j);
       least = std::min(least, d);
-      total += p.weight * ((1 - options_.theta) * j.squaredNorm() + options_.theta * (1 + d * d)) / positive(epsilon, d);
+      total +=
+          p.weight * ((1 - options_.theta) * j.squaredNorm() + options_.theta * (1 + d * d)) / positive(epsilon, d);
     }
     return total;
   }
@@ -181,9 +181,11 @@ class Untangler {
         Eigen::Matrix4d hessian =
             (2 * (1 - theta) * Eigen::Matrix4d::Identity() + 2 * theta * (outer + d * twist)) / chi -
             (chi1 / (chi * chi)) * (dn * cofactor.transpose() + cofactor * dn.transpose()) +
-            (2 * n * chi1 * chi1 / (chi * chi * chi) - n * chi2 / (chi * chi)) * outer - (n * chi1 / (chi * chi)) * twist;
+            (2 * n * chi1 * chi1 / (chi * chi * chi) - n * chi2 / (chi * chi)) * outer -
+            (n * chi1 / (chi * chi)) * twist;
         const Eigen::SelfAdjointEigenSolver<Eigen::Matrix4d> spectrum(hessian);
-        const Eigen::Vector4d values = spectrum.eigenvalues().cwiseMax(1e-9 * spectrum.eigenvalues().cwiseAbs().maxCoeff());
+        const Eigen::Vector4d values =
+            spectrum.eigenvalues().cwiseMax(1e-9 * spectrum.eigenvalues().cwiseAbs().maxCoeff());
         hessian = spectrum.eigenvectors() * values.asDiagonal() * spectrum.eigenvectors().transpose();
         // Corner i, coordinate c in the vertex's own sector: a column of dJ/dx each.
         std::array<Index, 6> where{};
@@ -194,7 +196,8 @@ class Untangler {
           for (int c = 0; c < 2; ++c) {
             where[static_cast<std::size_t>(2 * i + c)] = variable_[at(2 * v + c)];
             const Complex move = rotated(c == 0 ? Complex(1, 0) : Complex(0, 1), cut_.corner_rotation[at(h)]);
-            map.col(2 * i + c) = Jacobian(move.real() * s[0], move.real() * s[1], move.imag() * s[0], move.imag() * s[1]);
+            map.col(2 * i + c) =
+                Jacobian(move.real() * s[0], move.real() * s[1], move.imag() * s[0], move.imag() * s[1]);
           }
         }
         const Eigen::Matrix<double, 6, 6> block = p.weight * map.transpose() * hessian * map;
