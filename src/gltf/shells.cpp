@@ -1,6 +1,8 @@
 // Shells chosen, remeshed, and left where they cannot be.
 #include "shells.hpp"
 
+#include "quadrig/pipeline/piece.hpp"
+
 namespace quadrig::gltf {
 
 std::vector<Shells> choose_shells(const std::vector<Gathered>& all, const GltfRemeshOptions& options) {
@@ -34,40 +36,10 @@ std::vector<Shells> choose_shells(const std::vector<Gathered>& all, const GltfRe
   return result;
 }
 
-Expected<Asset> kept_part(const GltfSurface& surface, const Shells& shells, std::vector<Index>& source_face) {
-  const TriangleMesh<double>& mesh = surface.asset.mesh;
-  std::vector<Index> vertex(at(mesh.vertex_count()), no_index), back;
-  for (Index f = 0; f < mesh.face_count(); ++f)
+Asset kept_part(const GltfSurface& surface, const Shells& shells, std::vector<Index>& source_face) {
+  for (Index f = 0; f < surface.asset.mesh.face_count(); ++f)
     if (shells.kept[at(shells.components.of_face[at(f)])]) source_face.push_back(f);
-  Triangles faces(static_cast<Eigen::Index>(source_face.size()), 3);
-  for (std::size_t k = 0; k < source_face.size(); ++k)
-    for (int i = 0; i < 3; ++i) {
-      const Index v = mesh.faces()(source_face[k], i);
-      if (vertex[at(v)] == no_index) {
-        vertex[at(v)] = static_cast<Index>(back.size());
-        back.push_back(v);
-      }
-      faces(static_cast<Eigen::Index>(k), i) = vertex[at(v)];
-    }
-  Points<double> positions(static_cast<Eigen::Index>(back.size()), 3);
-  for (std::size_t k = 0; k < back.size(); ++k)
-    positions.row(static_cast<Eigen::Index>(k)) = mesh.positions().row(back[k]);
-  Expected<TriangleMesh<double>> part = TriangleMesh<double>::create(std::move(positions), std::move(faces));
-  if (!part) return part.error();
-  Asset asset;
-  asset.mesh = std::move(*part);
-  if (!surface.asset.rig) return asset;
-  const SkinWeights& all = surface.asset.rig->weights;
-  std::vector<Eigen::Triplet<double, Index>> entries;
-  for (std::size_t k = 0; k < back.size(); ++k)
-    for (SkinWeights::InnerIterator it(all, back[k]); it; ++it)
-      entries.emplace_back(static_cast<Index>(k), static_cast<Index>(it.col()), it.value());
-  Rig rig;
-  rig.skeleton = surface.asset.rig->skeleton;
-  rig.weights.resize(static_cast<Index>(back.size()), all.cols());
-  rig.weights.setFromTriplets(entries.begin(), entries.end());
-  asset.rig = std::move(rig);
-  return asset;
+  return quadrig::detail::make_piece(surface.asset, source_face).asset;
 }
 
 namespace {
@@ -103,11 +75,10 @@ Status remesh_shells(const Gathered& gathered, Shells& shells, double quads, con
   const auto count = [](double wanted) { return std::max<Index>(6, static_cast<Index>(std::lround(wanted))); };
   const auto attempt = [&](const Shells& of, double wanted, Context& with) -> Expected<RemeshResult> {
     source_face.clear();
-    Expected<Asset> part = kept_part(surface, of, source_face);
-    if (!part) return part.error();
+    Asset part = kept_part(surface, of, source_face);
     own.quads = count(wanted);
-    Expected<RemeshResult> result = remesh(*part, own, with);
-    done.remeshed = std::move(part->mesh);
+    Expected<RemeshResult> result = remesh(part, own, with);
+    done.remeshed = std::move(part.mesh);
     return result;
   };
   const auto give_up = [&](std::size_t shell, const Error& reason) {

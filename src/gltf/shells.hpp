@@ -22,8 +22,7 @@ struct Shells {
 [[nodiscard]] std::vector<Shells> choose_shells(const std::vector<Gathered>& all, const GltfRemeshOptions& options);
 
 /// The kept shells as an asset of their own; `source_face` is filled with the face that each of its faces was.
-[[nodiscard]] Expected<Asset> kept_part(const GltfSurface& surface, const Shells& shells,
-                                        std::vector<Index>& source_face);
+[[nodiscard]] Asset kept_part(const GltfSurface& surface, const Shells& shells, std::vector<Index>& source_face);
 
 /// Remeshes the kept shells of a surface to `quads`. Shells that cannot be are told in `done.failures` and kept no
 /// more. \fails bad_option, cancelled; under strict also as remesh
