@@ -39,9 +39,9 @@ Expected<std::string> io::read_file(const std::filesystem::path& path, const Fil
     bytes.reserve(static_cast<std::size_t>(size) + 1);
   }
   // The announced size is a hint only: pipes and growing files are read to their end, within the limit.
-  for (std::size_t step = std::size_t{1} << 20;;) {
+  for (constexpr std::size_t step = std::size_t{1} << 20;;) {
     const std::size_t had = bytes.size();
-    const std::size_t want = std::max(step, bytes.capacity() - had);
+    const std::size_t want = bytes.capacity() > had ? bytes.capacity() - had : step;
     bytes.resize(had + want);
     const std::size_t got = std::fread(bytes.data() + had, 1, want, file.get());
     bytes.resize(had + got);

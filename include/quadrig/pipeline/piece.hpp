@@ -4,6 +4,7 @@
 #include "quadrig/asset.hpp"
 #include "quadrig/pipeline/stand_in.hpp"
 #include "quadrig/prepare/split_edges.hpp"
+#include "quadrig/seamless/cut_graph.hpp"
 
 namespace quadrig::detail {
 
