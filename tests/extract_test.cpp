@@ -6,7 +6,7 @@ using namespace quadrig::test;
 
 namespace {
 
-std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+using quadrig::detail::at;
 
 /// Everything from a field to the two grid maps.
 struct GridCase {

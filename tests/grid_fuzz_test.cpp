@@ -13,7 +13,7 @@ using namespace quadrig::test;
 
 namespace {
 
-std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+using quadrig::detail::at;
 Index next(Index h) { return h % 3 == 2 ? h - 2 : h + 1; }
 Index prev(Index h) { return h % 3 == 0 ? h + 2 : h - 1; }
 Index below(Random& random, std::size_t n) { return static_cast<Index>(random.bits() % n); }

@@ -16,7 +16,7 @@ using namespace quadrig::test;
 
 namespace {
 
-std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+using quadrig::detail::at;
 
 Asset asset_of(const Soup& soup) {
   Context context;

@@ -8,7 +8,7 @@ using namespace quadrig::test;
 
 namespace {
 
-std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+using quadrig::detail::at;
 
 /// A surface and quads on it: every second vertex of a grid's, thrown about inside the triangles around it.
 struct Rough {

@@ -7,7 +7,7 @@ using namespace quadrig;
 
 namespace {
 
-std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+using quadrig::detail::at;
 
 // The dual of a strip of triangles, two in each cell: neighbours agree up to a phase, all are drawn to a number.
 template <class K>

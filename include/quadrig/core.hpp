@@ -31,6 +31,11 @@ inline constexpr Index no_index = -1;
 
 using Complex = std::complex<double>;
 
+namespace detail {
+/// An index as containers of the standard library want it.
+[[nodiscard]] constexpr std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+}  // namespace detail
+
 /// n×3, one point a row, row major.
 template <class Scalar>
 using Points = Eigen::Matrix<Scalar, Eigen::Dynamic, 3, Eigen::RowMajor>;

@@ -13,7 +13,7 @@ struct quadrig_quads {
 
 namespace {
 
-std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+using detail::at;
 
 void find_sources(const quadrig_asset& asset, quadrig_quads& quads) {
   const QuadMesh& mesh = quads.result.mesh;

@@ -52,7 +52,7 @@ namespace gltf {
 
 using State = GltfDocument::State;
 
-[[nodiscard]] inline std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+using quadrig::detail::at;
 [[nodiscard]] inline std::string numbered(std::string_view array, std::size_t i) {
   return std::string(array) + "[" + std::to_string(i) + "]";
 }

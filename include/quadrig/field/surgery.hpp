@@ -428,7 +428,7 @@ class FieldSurgery {
     }
   }
 
-  [[nodiscard]] static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+  [[nodiscard]] static std::size_t at(Index i) { return detail::at(i); }
   [[nodiscard]] Index index(Index v) const { return singularities_.index4[at(v)]; }
   [[nodiscard]] bool interior(Index v) const { return mesh_.outgoing(v) != no_index && !mesh_.on_boundary(v); }
 

@@ -50,8 +50,6 @@ class Polisher {
   }
 
  private:
-  static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
-
   int rounds(int most, Context& context) {
     int done = 0;
     for (; done < most && !context.cancelled(); ++done) {

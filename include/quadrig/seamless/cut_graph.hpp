@@ -33,8 +33,6 @@ struct CutGraph {
 
 namespace detail {
 
-[[nodiscard]] inline std::size_t at(Index i) { return static_cast<std::size_t>(i); }
-
 /// Dual spanning tree by shortest paths over face centroids; returns combing per face and marks tree edges.
 inline std::vector<std::int8_t> comb_faces(const TriangleMesh<double>& mesh, const std::vector<std::int8_t>& rotation,
                                            std::vector<std::int8_t>& in_tree) {

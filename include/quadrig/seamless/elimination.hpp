@@ -107,7 +107,7 @@ class Elimination {
   }
 
  private:
-  [[nodiscard]] static std::size_t at(Index variable) { return static_cast<std::size_t>(variable); }
+  [[nodiscard]] static std::size_t at(Index variable) { return detail::at(variable); }
 
   const LinearExpression<R>& expression(Index variable) {
     LinearExpression<R>& e = expressions_[at(variable)];

@@ -126,7 +126,6 @@ class Decimator {
     }
   };
 
-  static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
   [[nodiscard]] const Vector3& point(Index v) const { return positions_[at(v)]; }
   [[nodiscard]] static bool has(const Face& f, Index v) { return f[0] == v || f[1] == v || f[2] == v; }
   [[nodiscard]] Vector3 cross(const Face& f) const {

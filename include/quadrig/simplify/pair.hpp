@@ -58,7 +58,6 @@ class Pairing {
     std::array<Index, 4> quad;  // a, d, b, c: the edge is a–b
     double weight;
   };
-  static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
   /// Least scaled Jacobian of the quads that the flat split of a polygon gives; −1 where one is turned from n.
   template <std::size_t corners>

@@ -58,7 +58,6 @@ class BoundaryLoops {
     Index loop;
     double along;
   };
-  static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
   [[nodiscard]] std::optional<Location> locate(const SurfacePoint& point) const {
     for (int i = 0; i < 3; ++i) {  // a vertex, perhaps named by a face inside
@@ -156,7 +155,6 @@ class SplitPlacer {
     std::array<Index, 4> anchors{no_index, no_index, no_index, no_index};  // corners that it lies between
     bool border = false;
   };
-  static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
   [[nodiscard]] Index vertex_count() const { return static_cast<Index>(vertices_.size()); }
 
   void split(const std::vector<Vector3>& positions, const std::vector<SurfacePoint>& sources,

@@ -26,7 +26,6 @@ struct SymbolicFactor {
   [[nodiscard]] Index width(Index s) const { return first[at(s) + 1] - first[at(s)]; }
   [[nodiscard]] Index below(Index s) const { return static_cast<Index>(rows_start[at(s) + 1] - rows_start[at(s)]); }
   [[nodiscard]] std::size_t entries() const { return panel.back(); }
-  static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 };
 
 /// \pre `order` is a permutation. \cost O(nonzeros + rows of the supernodes), almost. \fails never
@@ -58,8 +57,6 @@ class SymbolicBuilder {
   }
 
  private:
-  static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
-
   template <class Body>
   void for_each_entry(Body&& body) const {
     for (std::size_t j = 0; j < at(n_); ++j)

@@ -59,7 +59,6 @@ class VoxelBody {
 
  private:
   static constexpr char unknown = 1, surface = 2, air = 0;
-  static std::size_t at(int k) { return static_cast<std::size_t>(k); }
 
   [[nodiscard]] std::size_t number(const std::array<Index, 3>& c) const {
     return static_cast<std::size_t>(c[0]) +
