@@ -20,6 +20,8 @@ struct Tube {
   bool speck = false;          ///< instead a tiny triangle, and its bind matrices end in 0.99999994
   bool needle = false;         ///< one more primitive: a triangle 5e7 times as long as it is high
   bool morph_normals = false;  ///< the morph target has normals
+  bool tangents = false;       ///< vertices and the morph target have some, none of them right
+  bool coloured = false;       ///< the morph target changes texture coordinates, by height
 };
 
 namespace detail {
@@ -134,7 +136,14 @@ void put(std::string& bytes, T value) {
   std::string tilts;
   for (std::size_t v = 0; v < count; ++v)
     for (const float x : {0.0F, 0.5F, 0.0F}) detail::put(tilts, x);
-  const int at_tilts = tube.morph_normals ? add(tilts, count, "VEC3", 5126) : 0;
+  const int at_tilts = tube.morph_normals || tube.tangents ? add(tilts, count, "VEC3", 5126) : 0;
+  std::string wrong, shifts;
+  for (const Vertex& vertex : vertices) {
+    for (const float x : {0.6F, 0.8F, 0.0F, -1.0F}) detail::put(wrong, x);
+    for (const float x : {0.25F * vertex.y, 0.5F}) detail::put(shifts, x);
+  }
+  const int at_wrong = tube.tangents ? add(wrong, count, "VEC4", 5126) : 0;
+  const int at_shifts = tube.coloured ? add(shifts, count, "VEC2", 5126) : 0;
   std::string primitives;
   for (const auto* list : {&lower, &upper}) {
     if (list->empty()) continue;
@@ -146,9 +155,12 @@ void put(std::string& bytes, T value) {
         ",\"TEXCOORD_0\":" + std::to_string(at_uv) +
         (tube.skinned ? ",\"JOINTS_0\":" + std::to_string(at_joints) + ",\"WEIGHTS_0\":" + std::to_string(at_weights)
                       : std::string()) +
+        (tube.tangents ? ",\"TANGENT\":" + std::to_string(at_wrong) : std::string()) +
         "},\"indices\":" + std::to_string(indices) + ",\"material\":" + (list == &lower ? "0" : "1") +
         ",\"targets\":[{\"POSITION\":" + std::to_string(at_moved) +
-        (tube.morph_normals ? ",\"NORMAL\":" + std::to_string(at_tilts) : std::string()) + "}]}";
+        (tube.morph_normals ? ",\"NORMAL\":" + std::to_string(at_tilts) : std::string()) +
+        (tube.tangents ? ",\"TANGENT\":" + std::to_string(at_tilts) : std::string()) +
+        (tube.coloured ? ",\"TEXCOORD_0\":" + std::to_string(at_shifts) : std::string()) + "}]}";
   }
   if (tube.needle) {
     std::string corners, joint, weight;

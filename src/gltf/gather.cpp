@@ -14,21 +14,52 @@ std::size_t Gatherer::column(const std::string& name, std::size_t target, Eigen:
 Status Gatherer::morphs(const PrimitiveReader& reader, const Json& targets, const std::string& where,
                         Primitive& primitive, std::vector<Loose>& loose) {
   primitive.targets = targets.size();
-  for (std::size_t t = 0; t < targets.size(); ++t)
-    for (const char* name : {"POSITION", "NORMAL"}) {
-      const Json* moved = member(targets[t], name);
-      const bool position = name[0] == 'P';
-      if (!moved && !position) continue;
-      const std::size_t own = column(name, t, 3);
-      primitive.attributes.push_back(own);
-      if (!moved) continue;
-      const std::string there = where + "." + numbered("targets", t) + "." + name;
+  const auto add = [&](std::size_t t, const std::string& name, const Json* moved) -> Status {
+    const bool vector = name == "POSITION" || name == "NORMAL";
+    const std::string there = where + "." + numbered("targets", t) + "." + name;
+    std::shared_ptr<const Values> read;
+    if (moved) {
       const auto values = reader.values({}, *moved, there);
       if (!values) return values.error();
-      if ((*values)->cols() != 3) return state_.bad(there, "is not of three numbers");
-      loose.push_back({own, *values});
+      if (vector && (*values)->cols() != 3) return state_.bad(there, "is not of three numbers");
+      if ((*values)->cols() > 4) return {};
+      read = *values;
     }
+    primitive.attributes.push_back(column(name, t, read ? read->cols() : 3));
+    if (read) loose.push_back({primitive.attributes.back(), read});
+    return {};
+  };
+  for (std::size_t t = 0; t < targets.size(); ++t) {
+    if (Status status = add(t, "POSITION", member(targets[t], "POSITION")); !status) return status;
+    if (!targets[t].is_object()) continue;
+    for (const auto& [name, accessor] : targets[t].items()) {
+      if (name == "TANGENT") {  // made anew, and only beside tangents to change
+        if (!primitive.tangents) continue;
+        primitive.attributes.push_back(column(name, t, 3));
+      } else if (name == "NORMAL" || name.starts_with("TEXCOORD_") || name.starts_with("COLOR_") ||
+                 name.starts_with("_")) {
+        if (Status status = add(t, name, &accessor); !status) return status;
+      }
+    }
+  }
   return {};
+}
+
+/// The texture coordinates that tangents follow: those of the material's normal map, else the first.
+Eigen::Index Gatherer::texture_of_normals(const Json& primitive, const Primitive& made) const {
+  std::string wanted = "TEXCOORD_0";
+  const Json* number = member(primitive, "material");
+  const auto material = number ? whole(*number) : std::nullopt;
+  if (const Json& materials = array_of(state_.json, "materials"); material && *material < materials.size())
+    if (const Json* map = member(materials[*material], "normalTexture"))
+      if (const Json* set = member(*map, "texCoord"))
+        if (const auto n = whole(*set)) wanted = "TEXCOORD_" + std::to_string(*n);
+  for (const std::size_t a : made.attributes) {
+    const Attribute& attribute = out_.attributes[a];
+    if (attribute.target == Attribute::no_target && attribute.width == 2 && attribute.name == wanted)
+      return attribute.first;
+  }
+  return Primitive::no_texture;
 }
 
 Status Gatherer::add(std::size_t mesh, std::size_t number, const Json& json) {
@@ -52,6 +83,7 @@ Status Gatherer::add(std::size_t mesh, std::size_t number, const Json& json) {
   std::vector<std::pair<std::shared_ptr<const Values>, std::shared_ptr<const Values>>> sets;
   for (const auto& [name, accessor] : attributes->items()) {
     const std::string there = where + "." + name;
+    primitive.tangents = primitive.tangents || name == "TANGENT";
     if (name == "POSITION" || name == "TANGENT" || name.starts_with("JOINTS_") || name.starts_with("WEIGHTS_"))
       continue;
     if (!name.starts_with("TEXCOORD_") && !name.starts_with("COLOR_") && !name.starts_with("_") && name != "NORMAL")
@@ -73,6 +105,9 @@ Status Gatherer::add(std::size_t mesh, std::size_t number, const Json& json) {
     if ((*a)->cols() != 4 || (*b)->cols() != 4) return state_.bad(where, "has joints or weights not by four");
     sets.emplace_back(*a, *b);
   }
+  primitive.texture = texture_of_normals(json, primitive);
+  if (primitive.tangents && primitive.texture == Primitive::no_texture)
+    primitive.tangents = false, lost_tangents = true;
   if (Status status = morphs(reader, array_of(json, "targets"), where, primitive, loose); !status) return status;
 
   // Vertices that triangles use, in their first order.

@@ -13,7 +13,7 @@ namespace quadrig::gltf {
 
 /// What the vertices of a primitive carry beside position and weights: columns of one matrix.
 struct Attribute {
-  std::string name;  ///< TEXCOORD_0, COLOR_0, NORMAL, _custom; or POSITION or NORMAL of a morph target
+  std::string name;  ///< TEXCOORD_0, COLOR_0, NORMAL, _custom; of morph targets POSITION and TANGENT too
   std::size_t target = no_target;
   Eigen::Index first = 0, width = 0;
   static constexpr std::size_t no_target = static_cast<std::size_t>(-1);
@@ -28,6 +28,10 @@ struct Primitive {
   std::size_t mesh = 0, number = 0;     ///< of the file, of the mesh
   std::vector<std::size_t> attributes;  ///< of Gathered::attributes, in the file's order
   std::size_t targets = 0;
+  bool tangents = false;  ///< it has them: they are made anew
+  /// Two columns of Gathered::values: the texture coordinates that they follow. no_texture: it has none.
+  Eigen::Index texture = no_texture;
+  static constexpr Eigen::Index no_texture = -1;
 };
 
 struct Gathered {
@@ -70,12 +74,14 @@ class Gatherer {
   [[nodiscard]] Status add(std::size_t mesh, std::size_t number, const Json& json);
   [[nodiscard]] Status finish();
   RawWeights weights;
+  bool lost_tangents = false;  ///< a primitive has some, but no texture coordinates to make new ones from
 
  private:
   struct Loose {
     std::size_t attribute;
     std::shared_ptr<const Values> values;
   };
+  [[nodiscard]] Eigen::Index texture_of_normals(const Json& primitive, const Primitive& made) const;
   [[nodiscard]] Status morphs(const PrimitiveReader& reader, const Json& targets, const std::string& where,
                               Primitive& primitive, std::vector<Loose>& loose);
   [[nodiscard]] std::size_t column(const std::string& name, std::size_t target, Eigen::Index width);

@@ -3,6 +3,8 @@
 
 #include <cstring>
 
+#include "tangents.hpp"
+
 namespace quadrig::gltf {
 namespace {
 
@@ -65,6 +67,59 @@ Index PrimitiveBuilder::vertex(std::uint64_t key, function_ref<Vertex()> make) {
   return place->second;
 }
 
+void PrimitiveBuilder::make_tangents(const Gathered& gathered, const Primitive& primitive) {
+  std::vector<Vector3> positions, normals;
+  std::vector<Eigen::Vector2d> texture;
+  // As floats, for that is how they are written: what is one point there has no direction.
+  const auto written = [](double x) { return std::isfinite(x) ? static_cast<double>(static_cast<float>(x)) : 0.0; };
+  for (const Vertex& vertex : vertices_) {
+    positions.push_back(vertex.position);
+    normals.push_back(vertex.normal);
+    texture.emplace_back(written(vertex.values[primitive.texture]), written(vertex.values[primitive.texture + 1]));
+  }
+  const TangentGroups groups({positions, normals, texture}, indices_, quads_);
+  const std::vector<Vector3> tangents = groups.directions({positions, normals, texture});
+
+  // What morph targets do to them.
+  std::vector<std::pair<Eigen::Index, std::vector<Vector3>>> changes;
+  for (const std::size_t a : primitive.attributes) {
+    const Attribute& attribute = gathered.attributes[a];
+    if (attribute.target == Attribute::no_target || attribute.name != "TANGENT") continue;
+    std::vector<Vector3> moved = positions, turned = normals;
+    for (const std::size_t b : primitive.attributes) {
+      const Attribute& other = gathered.attributes[b];
+      if (other.target != attribute.target || (other.name != "POSITION" && other.name != "NORMAL")) continue;
+      std::vector<Vector3>& what = other.name == "POSITION" ? moved : turned;
+      for (std::size_t v = 0; v < vertices_.size(); ++v) what[v] += vertices_[v].values.segment<3>(other.first);
+    }
+    for (Vector3& n : turned) n = n.norm() > 0 ? Vector3(n.normalized()) : Vector3::UnitZ();
+    std::vector<Vector3> change = groups.directions({moved, turned, texture});
+    for (std::size_t g = 0; g < change.size(); ++g) change[g] -= tangents[g];
+    changes.emplace_back(attribute.first, std::move(change));
+  }
+
+  std::vector<Index> owner(vertices_.size(), no_index);
+  std::map<std::pair<Index, Index>, Index> doubles;
+  for (std::size_t c = 0; c < indices_.size(); ++c) {
+    const Index group = groups.of_corner(c);
+    Index v = indices_[c];
+    if (owner[static_cast<std::size_t>(v)] != no_index && owner[static_cast<std::size_t>(v)] != group) {
+      const auto [place, is_new] = doubles.try_emplace({v, group}, vertex_count());
+      if (is_new) {
+        vertices_.push_back(Vertex(vertices_[static_cast<std::size_t>(v)]));
+        owner.push_back(no_index);
+      }
+      v = indices_[c] = place->second;
+    }
+    if (owner[static_cast<std::size_t>(v)] == group) continue;
+    owner[static_cast<std::size_t>(v)] = group;
+    Vertex& vertex = vertices_[static_cast<std::size_t>(v)];
+    vertex.tangent << tangents[static_cast<std::size_t>(group)], groups.sign(group);
+    for (const auto& [first, change] : changes)
+      vertex.values.segment<3>(first) = change[static_cast<std::size_t>(group)];
+  }
+}
+
 Json PrimitiveBuilder::write(State& state, const Json& old, const Gathered& gathered, const Primitive& primitive,
                              bool source_map) const {
   const std::size_t count = vertices_.size();
@@ -73,6 +128,9 @@ Json PrimitiveBuilder::write(State& state, const Json& old, const Gathered& gath
       append_floats(state, count, 3, true, [&](std::size_t v, Eigen::Index k) { return vertices_[v].position[k]; });
   attributes["NORMAL"] =
       append_floats(state, count, 3, false, [&](std::size_t v, Eigen::Index k) { return vertices_[v].normal[k]; });
+  if (primitive.tangents)
+    attributes["TANGENT"] =
+        append_floats(state, count, 4, false, [&](std::size_t v, Eigen::Index k) { return vertices_[v].tangent[k]; });
   Json targets = Json::array();
   for (std::size_t t = 0; t < primitive.targets; ++t) targets.push_back(Json::object());
   for (const std::size_t a : primitive.attributes) {
@@ -82,7 +140,7 @@ Json PrimitiveBuilder::write(State& state, const Json& old, const Gathered& gath
     const std::size_t accessor =
         append_floats(state, count, attribute.width, morph, [&](std::size_t v, Eigen::Index k) {
           const double x = vertices_[v].values[attribute.first + k];
-          return colour ? std::clamp(x, 0.0, 1.0) : x;
+          return colour && !morph ? std::clamp(x, 0.0, 1.0) : x;
         });
     (morph ? targets[attribute.target] : attributes)[attribute.name] = accessor;
   }

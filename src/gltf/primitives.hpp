@@ -15,10 +15,19 @@ class PrimitiveBuilder {
     Eigen::VectorXd values;                         ///< all columns of Gathered::attributes
     std::vector<std::pair<Index, double>> weights;  ///< strongest first, sum 1; empty without a skin
     Eigen::Vector4d source;                         ///< of the source map
+    Eigen::Vector4d tangent = Eigen::Vector4d::Zero();
   };
   /// The number of the vertex that `key` stands for; made where it is new.
   Index vertex(std::uint64_t key, function_ref<Vertex()> make);
   void triangle(Index a, Index b, Index c) { indices_.insert(indices_.end(), {a, b, c}); }
+  /// Before all triangles.
+  void quad(Index a, Index b, Index c, Index d) {
+    triangle(a, b, c);
+    triangle(a, c, d);
+    ++quads_;
+  }
+  /// Tangents of all vertices and of morph targets that have some; a vertex with several is made several.
+  void make_tangents(const Gathered& gathered, const Primitive& primitive);
 
   [[nodiscard]] bool empty() const { return indices_.empty(); }
   [[nodiscard]] Index vertex_count() const { return static_cast<Index>(vertices_.size()); }
@@ -29,6 +38,7 @@ class PrimitiveBuilder {
  private:
   std::vector<Vertex> vertices_;
   std::vector<Index> indices_;
+  Index quads_ = 0;
   std::unordered_map<std::uint64_t, Index> known_;
 };
 

@@ -128,8 +128,7 @@ void add_quads(Job& job, const GltfRemeshed& done, Index influences) {
         return made;
       });
     }
-    builder.triangle(corner[0], corner[1], corner[2]);
-    builder.triangle(corner[0], corner[2], corner[3]);
+    builder.quad(corner[0], corner[1], corner[2], corner[3]);
   }
 }
 
@@ -286,6 +285,9 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
     if (shells[s].keeps_any()) {
       gltf::add_quads(job, done, options.remesh.influences);
       gltf::add_passed(job, shells[s], options.remesh.influences);
+      for (std::size_t p = 0; p < job.builders.size(); ++p)
+        if (job.gathered.primitives[p].tangents)
+          job.builders[p].make_tangents(job.gathered, job.gathered.primitives[p]);
       any = true;
     }
     all.push_back(std::move(done));

@@ -119,6 +119,8 @@ Status add_primitives(const Request& request, Gathered& one, Gatherer& gatherer,
     if (one.primitives.size() > before) meshes.push_back(m);
   }
   one.surface.meshes = std::move(meshes);
+  if (gatherer.lost_tangents)
+    request.context.warn("gltf", one.surface.label() + ": tangents without texture coordinates are left out");
   return gatherer.finish();
 }
 
