@@ -45,3 +45,29 @@ TEST_CASE("command: several counts make one file each, all or none", "[cli][gltf
   CHECK(one.exit_code == 0);
   CHECK(has(read_text(folder / "one.glb"), "\"_SOURCE\""));
 }
+
+TEST_CASE("command: stats bends quads by the clips of a glTF file", "[cli][gltf][fast]") {
+  const ScratchFolder folder("gltf-command");
+  write_text(folder / "in.glb", tube_file());
+  REQUIRE(run_quadrig(folder, "remesh in.glb --quads 300 -o out.glb --quads-out q.obj").exit_code == 0);
+  struct Bending {
+    double poses, rms;
+  };
+  const auto bending = [&](const std::string& options) {
+    const CommandResult done = run_quadrig(folder, "stats q.obj --input in.glb --json " + options);
+    REQUIRE(done.exit_code == 0);
+    const auto number = [&, from = done.output.find("\"deformation\"")](const std::string& after, const char* name) {
+      const auto place = done.output.find(name, done.output.find(after, from));
+      REQUIRE(place != std::string::npos);
+      return std::stod(done.output.substr(place + std::string(name).size()));
+    };
+    return Bending{number("{", "\"poses\":"), number("\"all\"", "\"rms\":")};
+  };
+  const Bending bends = bending(""), clips = bending("--poses clips"), dual = bending("--poses clips --skinning dual");
+  CHECK(bends.poses == 8);       // two joints, two axes, both ways
+  CHECK(clips.poses == 31);      // a second at 30 frames
+  CHECK(clips.rms < bends.rms);  // 40 degrees about one axis, against 60 about two
+  CHECK(clips.rms != dual.rms);
+  CHECK(bending("--poses clips --frames 5").poses == 5);
+  CHECK(run_quadrig(folder, "stats q.obj --input q.obj --poses nods").exit_code == 2);
+}

@@ -1,7 +1,7 @@
 // quadrig stats: the figures of polygon meshes.
-#include "command.hpp"
 #include "quadrig/closest.hpp"
 #include "quadrig/quality.hpp"
+#include "remesh_gltf.hpp"
 
 namespace quadrig::cli {
 namespace {
@@ -9,7 +9,10 @@ namespace {
 struct Options {
   std::vector<std::filesystem::path> meshes;
   Input input;
+  GltfSelection selection;
   std::filesystem::path report;
+  std::string poses = "bends", skinning = "linear";
+  Index frames = 64;
   Index samples = 40000;
   bool json = false;
 };
@@ -125,10 +128,12 @@ Expected<Json> figures(const std::filesystem::path& path, const Options& options
   if (!coarse) return in_file(coarse.error());
   DeformationOptions deformation;
   deformation.samples = options.samples;
+  if (options.skinning == "dual") deformation.skinning = Skinning::dual_quaternion;
   const Expected<DeformationFigures> d =
       deformation_error(surface, weights, *mesh, *coarse, poses, deformation, session.context);
   if (!d) return in_file(d.error());
-  out["deformation"] = {{"joints", row_json(d->joints)},
+  out["deformation"] = {{"poses", poses.size()},
+                        {"joints", row_json(d->joints)},
                         {"all", row_json(d->all)},
                         {"back_rms", d->back_rms},
                         {"rest_joints_rms", d->rest_joints_rms},
@@ -182,14 +187,52 @@ std::string as_text(const Json& figures) {
   return text;
 }
 
+/// The largest surface of a glTF file, with its rig.
+Expected<LoadedAsset> load_gltf(const Options& options, Session& session) {
+  const std::filesystem::path& path = options.input.files.mesh;
+  const Expected<GltfDocument> document = GltfDocument::read(path, {}, session.context);
+  if (!document) return document.error();
+  GltfClipOptions clips;
+  clips.enabled = options.poses == "clips";
+  Expected<std::vector<GltfSurface>> surfaces =
+      gltf_surfaces(*document, options.input.load.prepare, clips, session.context, options.selection);
+  if (!surfaces) return surfaces.error();
+  const auto area = [](const GltfSurface& one) {
+    return one.asset.mesh.total_area() * one.world_scale * one.world_scale;
+  };
+  const auto largest = std::max_element(surfaces->begin(), surfaces->end(),
+                                        [&](const auto& a, const auto& b) { return area(a) < area(b); });
+  if (surfaces->size() > 1)
+    session.context.warn("stats", path.string() + " has " + std::to_string(surfaces->size()) + " surfaces: only " +
+                                      largest->label() + " is looked at; --select takes others");
+  LoadedAsset loaded;
+  loaded.asset = std::move(largest->asset);
+  loaded.report = std::move(largest->prepared);
+  return loaded;
+}
+
+/// The poses asked for. \fails bad_option where clips are, and there are none
+Expected<std::vector<Pose>> poses_of(const Rig& rig, const Options& options) {
+  if (options.poses == "bends") return bend_poses(rig.skeleton, 60);
+  std::vector<Pose> poses = clip_poses(rig.clips, options.frames);
+  if (poses.empty())
+    return Error{ErrorCode::bad_option, "has no clips", options.input.files.mesh.string(), "leave out --poses clips"};
+  return poses;
+}
+
 Status stats(const Options& options, Session& session) {
   std::optional<LoadedAsset> input;
   std::vector<Pose> poses;
   if (!options.input.files.mesh.empty()) {
-    Expected<LoadedAsset> loaded = load(options.input, session);
+    Expected<LoadedAsset> loaded =
+        is_gltf(options.input.files.mesh) ? load_gltf(options, session) : load(options.input, session);
     if (!loaded) return loaded.error();
     input = std::move(*loaded);
-    if (input->asset.rig) poses = bend_poses(input->asset.rig->skeleton, 60);
+    if (input->asset.rig) {
+      Expected<std::vector<Pose>> asked = poses_of(*input->asset.rig, options);
+      if (!asked) return asked.error();
+      poses = std::move(*asked);
+    }
   }
   Json all = Json::array();
   for (const auto& path : options.meshes) {
@@ -224,6 +267,21 @@ void add_stats(CLI::App& app, Run& run) {
   auto* weights = verb->add_option("--weights", options->input.files.weights, "Its skin weights");
   rig->type_name("FILE")->needs(input)->needs(weights);
   weights->type_name("FILE")->needs(rig);
+  verb->add_option("--select", options->selection.names, "Of a glTF input: the mesh, node, material or skin")
+      ->allow_extra_args(false)
+      ->type_name("NAME");
+  verb->add_option("--poses", options->poses, "Bend every bone, or of a glTF input sample its own clips")
+      ->check(CLI::IsMember({"bends", "clips"}))
+      ->capture_default_str()
+      ->type_name("bends|clips");
+  verb->add_option("--frames", options->frames, "Poses of all clips together, at most")
+      ->check(CLI::Range(1, 100'000))
+      ->capture_default_str()
+      ->type_name("N");
+  verb->add_option("--skinning", options->skinning, "Linear blend, or dual quaternions")
+      ->check(CLI::IsMember({"linear", "dual"}))
+      ->capture_default_str()
+      ->type_name("linear|dual");
   verb->add_option("--samples", options->samples, "Points that distances are measured at")
       ->check(CLI::Range(100, 10'000'000))
       ->capture_default_str()
@@ -232,12 +290,13 @@ void add_stats(CLI::App& app, Run& run) {
   verb->add_flag("--json", options->json, "Print the figures as JSON");
   verb->footer(R"(A mesh is valid where it is of quads alone, manifold and consistently oriented, without degenerate or
 duplicate faces, and no quad has a scaled Jacobian of 0 or less. Distances are in diagonals of the input; bending
-(each bone by 60 degrees both ways about two axes) in 1e-4 of it. Guidance: the angle between edges and the bone that
+(each bone by 60 degrees both ways about two axes, or the clips of a glTF file) in 1e-4 of it. Guidance: the angle between edges and the bone that
 rules them, quads a unit area by ruling bone (1: the mean), and closed edge loops round the joint where each bone hangs.
 
 Examples:
   quadrig stats quads.obj
   quadrig stats a.obj b.obj --input arm.obj --rig arm.tgf --weights arm.dmat
+  quadrig stats knight-quads.obj --input knight.glb --poses clips
   quadrig stats quads.obj --json)");
   verb->fallthrough();
   verb->callback([options, &run] { run = [options](Session& session) { return stats(*options, session); }; });

@@ -49,9 +49,10 @@ Status Gatherer::morphs(const PrimitiveReader& reader, const Json& targets, cons
 Eigen::Index Gatherer::texture_of_normals(const Json& primitive, const Primitive& made) const {
   std::string wanted = "TEXCOORD_0";
   const Json* number = member(primitive, "material");
-  const auto material = number ? whole(*number) : std::nullopt;
-  if (const Json& materials = array_of(state_.json, "materials"); material && *material < materials.size())
-    if (const Json* map = member(materials[*material], "normalTexture"))
+  const Json& materials = array_of(state_.json, "materials");
+  const std::size_t material = number ? whole(*number).value_or(materials.size()) : materials.size();
+  if (material < materials.size())
+    if (const Json* map = member(materials[material], "normalTexture"))
       if (const Json* set = member(*map, "texCoord"))
         if (const auto n = whole(*set)) wanted = "TEXCOORD_" + std::to_string(*n);
   for (const std::size_t a : made.attributes) {
