@@ -7,3 +7,28 @@
 #include "quadrig/field/systems.ipp"
 #include "quadrig/solver/dissection.ipp"
 #include "quadrig/solver/ordering.ipp"
+
+namespace quadrig {
+
+template class BasicFieldSolver<double>;
+template struct BasicFieldOptions<double>;
+template Expected<FieldResult> design_field(const TriangleMesh<double>&, const Rig*, const Connection<double>&,
+                                            const FieldOptions&, Context&);
+template Expected<PowerFieldResult> design_power_field(const TriangleMesh<double>&, const Connection<double>&,
+                                                       const PowerFieldOptions&, Context&);
+template std::vector<Index> power_field_index(const TriangleMesh<double>&, const Connection<double>&,
+                                              const PowerField&);
+template Expected<DensityTargets> smooth_log_densities(const TriangleMesh<double>&, const Matching&,
+                                                       const DensityTargets&, double, Context&, std::string_view);
+
+template class BasicFieldSolver<float>;
+template struct BasicFieldOptions<float>;
+template Expected<FieldResult> design_field(const TriangleMesh<float>&, const Rig*, const Connection<float>&,
+                                            const BasicFieldOptions<float>&, Context&);
+template Expected<PowerFieldResult> design_power_field(const TriangleMesh<float>&, const Connection<float>&,
+                                                       const PowerFieldOptions&, Context&);
+template std::vector<Index> power_field_index(const TriangleMesh<float>&, const Connection<float>&, const PowerField&);
+template Expected<DensityTargets> smooth_log_densities(const TriangleMesh<float>&, const Matching&,
+                                                       const DensityTargets&, double, Context&, std::string_view);
+
+}  // namespace quadrig

@@ -1,4 +1,4 @@
-// The one instantiation of the usual solvers.
+// The one instantiation of the solvers.
 #include "quadrig/solver.hpp"
 
 namespace quadrig {

@@ -182,3 +182,71 @@ TEST_CASE("field solver: other fixed faces, the same solution as from the start"
   CHECK(lasting.report().analyses == 4);
   CHECK(lasting.report().residual < 1e-12);
 }
+
+TEST_CASE("field: in single precision it is that of double precision, to what floats can hold", "[field]") {
+  const bool flat = GENERATE(false, true);
+  const Asset asset = test::limbed_asset(4, true);
+  const Rig* rig = flat ? nullptr : &*asset.rig;
+  Context context;
+  const auto exact = design_field(asset.mesh, rig, Connection<double>(asset.mesh), {.bone_density = true}, context);
+  REQUIRE(exact);
+
+  const auto single = TriangleMesh<float>::create(asset.mesh.positions().cast<float>(), asset.mesh.faces()).value();
+  BasicFieldOptions<float> options;
+  options.bone_density = true;
+  options.own_solver = [&] { return make_solver<std::complex<float>>("supernodal"); };
+  const auto field = design_field(single, rig, Connection<float>(single), options, context);
+  INFO((field ? std::string() : field.error().message()));
+  REQUIRE(field);
+  CHECK(field->report.solve.residual > 1e-9);  // those were floats
+  CHECK(field->report.solve.residual < 1e-5);
+  CHECK(field->singularities.sum == exact->singularities.sum);
+  CHECK(field->report.energy_smooth == Approx(exact->report.energy_smooth).epsilon(1e-3));
+  double worst = 0, sum = 0;
+  for (std::size_t f = 0; f < exact->polynomial.x0.size(); ++f) {
+    const double away = std::abs(field->polynomial.x0[f] - exact->polynomial.x0[f]);
+    worst = std::max(worst, away);
+    sum += away / static_cast<double>(exact->polynomial.x0.size());
+  }
+  CAPTURE(sum);
+  CHECK(worst < 2e-3);
+  CHECK(sum < 1e-4);
+}
+
+TEST_CASE("field solver: in single precision, updates and free components too", "[field]") {
+  const Asset asset = test::limbed_asset(3, false);
+  const auto m = static_cast<std::size_t>(asset.mesh.face_count());
+  const auto single = TriangleMesh<float>::create(asset.mesh.positions().cast<float>(), asset.mesh.faces()).value();
+  const Connection<double> connection(asset.mesh);
+  const Connection<float> floats(single);
+  Context context;
+  const std::vector<double> smoothness = dirichlet_weights(asset.mesh), weight(m, 1e-2), heavier(m, 3e-2);
+  const std::vector<Complex> target(m, Complex(1));
+  const FieldSystem system{.power = 4, .smoothness = smoothness, .target = target, .target_weight = weight};
+  const BasicFieldSystem<float> same{.power = 4, .smoothness = smoothness, .target = target, .target_weight = weight};
+  const auto near = [&](const std::vector<Complex>& a, const std::vector<Complex>& b) {
+    double worst = 0;
+    for (std::size_t f = 0; f < m; ++f) worst = std::max(worst, std::abs(a[f] - b[f]));
+    return worst;
+  };
+  for (const std::string_view backend : {"supernodal", "eigen", "multigrid"}) {
+    INFO(backend);
+    auto exact = FieldSolver::create(asset.mesh, connection, solver_factory<Complex>(backend)).value();
+    auto rough = BasicFieldSolver<float>::create(single, floats, solver_factory<std::complex<float>>(backend)).value();
+    const auto wanted = exact.minimize(std::span(&system, 1), context);
+    const auto got = rough.minimize(std::span(&same, 1), context);
+    REQUIRE((wanted && got));
+    CHECK(near(wanted.value()[0], got.value()[0]) < 1e-3);
+    const auto wanted_update = exact.update(0, target, heavier, context);
+    const auto update = rough.update(0, target, heavier, context);
+    REQUIRE((wanted_update && update));
+    CHECK(near(*wanted_update, *update) < 1e-3);
+    CHECK(near(*wanted_update, wanted.value()[0]) > 1e-2);
+  }
+  const auto exact = design_power_field(asset.mesh, connection, {.n = 4}, context);
+  const auto rough = design_power_field(single, floats, {.n = 4}, context);
+  REQUIRE((exact && rough));
+  CHECK(rough->free_components == 1);
+  CHECK(rough->index_sum == exact->index_sum);
+  CHECK(near(exact->field.power, rough->field.power) < 1e-2);
+}

@@ -20,8 +20,12 @@ enum class FieldPreset : std::uint8_t {
 [[nodiscard]] Expected<FieldPreset> field_preset(std::string_view name);
 [[nodiscard]] std::string_view field_preset_name(FieldPreset preset);
 
-/// Everything not set takes the preset's value. The thesis preset reads `solver` and `limits` alone.
-struct FieldOptions {
+/// Everything not set takes the preset's value. The thesis preset reads `solver` and `limits` alone. Scalar is that of
+/// the mesh: of own terms and solvers, nothing else.
+template <class Scalar>
+struct BasicFieldOptions {
+  using K = std::complex<Scalar>;
+
   FieldPreset preset = FieldPreset::standard;
 
   /// How far targets are carried and below which singularities merge: a fraction, in (0, 1], of the square root of
@@ -54,18 +58,19 @@ struct FieldOptions {
   std::optional<double> crease_angle_radians{};
   double crease_length = 0.5;
   /// Further terms in x0 and in x1, one unknown a face.
-  std::vector<AnyTerm<Complex>> own_terms_x0{}, own_terms_x1{};
+  std::vector<AnyTerm<K>> own_terms_x0{}, own_terms_x1{};
 
   /// Densities: off, |u| = |v| = 1; on, the densities that bones ask for where two of them meet, clamped to [1, 4].
   bool bone_density = false;
 
   FrameLimits limits{};
   std::string solver{default_solver_name};
-  SolverFactory<Complex> own_solver{};  ///< in the place of `solver` where set
+  SolverFactory<K> own_solver{};  ///< in the place of `solver` where set
 
   /// \fails bad_option, naming the field
   [[nodiscard]] Status validate(Index faces) const;
 };
+using FieldOptions = BasicFieldOptions<double>;
 
 struct FieldReport {
   FieldPreset preset = FieldPreset::standard;  ///< the one in force: `flat` where `standard` found no rig
@@ -104,24 +109,29 @@ struct FieldResult {
 
 /// The field of a surface and its rig (null: none): frames, matching and singularities, with Gauss–Bonnet and
 /// Poincaré–Hopf checked.
+/// Of a mesh of floats the matrices and their factors are float too, half as large; results are double, and agree with
+/// those of the same mesh in double to about 1e-4 where the field is sure of itself.
 /// \pre no face of zero area; `connection` is of the mesh
 /// \cost one analysis, two to four sparse factorizations with one complex unknown a face, and about a dozen solves.
 /// \fails bad_option, naming it; bad_input where the weights do not fit; numeric where a system is singular (thesis: a
 ///   component that no bone pulls) or a check fails; cancelled. Source: thesis chapter 4; design of the defaults in
 ///   docs/field.md.
-[[nodiscard]] Expected<FieldResult> design_field(const TriangleMesh<double>& mesh, const Rig* rig,
-                                                 const Connection<double>& connection, const FieldOptions& options,
+template <class Scalar>
+[[nodiscard]] Expected<FieldResult> design_field(const TriangleMesh<Scalar>& mesh, const Rig* rig,
+                                                 const Connection<Scalar>& connection,
+                                                 const std::type_identity_t<BasicFieldOptions<Scalar>>& options,
                                                  Context& context);
 
 /// The same for an Asset, or anything that has a mesh and an optional rig.
-template <class A>
+template <class A, class Scalar>
 requires requires(const A& asset) {
-  { asset.mesh } -> std::convertible_to<const TriangleMesh<double>&>;
+  { asset.mesh } -> std::convertible_to<const TriangleMesh<Scalar>&>;
   { asset.rig } -> std::convertible_to<const std::optional<Rig>&>;
 }
-[[nodiscard]] Expected<FieldResult> design_field(const A& asset, const Connection<double>& connection,
-                                                 const FieldOptions& options, Context& context) {
-  return design_field(asset.mesh, asset.rig ? &*asset.rig : nullptr, connection, options, context);
+[[nodiscard]] Expected<FieldResult> design_field(const A& asset, const Connection<Scalar>& connection,
+                                                 const std::type_identity_t<BasicFieldOptions<Scalar>>& options,
+                                                 Context& context) {
+  return design_field<Scalar>(asset.mesh, asset.rig ? &*asset.rig : nullptr, connection, options, context);
 }
 
 }  // namespace quadrig

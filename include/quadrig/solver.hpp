@@ -88,7 +88,9 @@ template <SparseScalar K>
 }
 
 #if defined(QUADRIG_COMPILED)
-// The factorizations are costly to compile; the library has the usual ones.
+// The factorizations are costly to compile; the library has them.
+extern template Expected<AnySolver<float>> make_solver<float>(std::string_view);
+extern template Expected<AnySolver<std::complex<float>>> make_solver<std::complex<float>>(std::string_view);
 extern template Expected<AnySolver<double>> make_solver<double>(std::string_view);
 extern template Expected<AnySolver<Complex>> make_solver<Complex>(std::string_view);
 #endif

@@ -25,7 +25,8 @@ QUADRIG_INLINE std::string_view field_preset_name(FieldPreset preset) {
   return "default";
 }
 
-QUADRIG_INLINE Status FieldOptions::validate(Index faces) const {
+template <class Scalar>
+Status BasicFieldOptions<Scalar>::validate(Index faces) const {
   const auto m = static_cast<std::size_t>(faces);
   const auto fail = [](std::string what, std::string field, std::string remedy) {
     return Status(Error{ErrorCode::bad_option, std::move(what), "field, " + std::move(field), std::move(remedy)});
@@ -67,15 +68,28 @@ QUADRIG_INLINE Status FieldOptions::validate(Index faces) const {
 
 namespace detail {
 
+template <class Scalar>
 struct FieldProblem {
-  const TriangleMesh<double>* mesh;
-  const Connection<double>* connection;
+  const TriangleMesh<Scalar>* mesh;
+  const Connection<Scalar>* connection;
   const Skeleton* skeleton = nullptr;
   std::optional<Dominance> dominance;
 };
 
-QUADRIG_INLINE SolverFactory<Complex> factory_of(const FieldOptions& options) {
-  return options.own_solver ? options.own_solver : solver_factory<Complex>(options.solver);
+template <class Scalar>
+SolverFactory<std::complex<Scalar>> factory_of(const BasicFieldOptions<Scalar>& options) {
+  return options.own_solver ? options.own_solver : solver_factory<std::complex<Scalar>>(options.solver);
+}
+
+template <class Scalar>
+double smoothness_energy(const FieldProblem<Scalar>& problem, int power, std::span<const double> weights,
+                         std::span<const Complex> z) {
+  using K = std::complex<Scalar>;
+  const Smoothness<Scalar> term(*problem.mesh, *problem.connection, power, weights);
+  if constexpr (std::is_same_v<K, Complex>)
+    return energy_of<Complex>(term, z);
+  else
+    return energy_of<K>(term, std::vector<K>(z.begin(), z.end()));
 }
 
 // |x| per face as numbers that do not depend on the bases.
@@ -92,7 +106,8 @@ QUADRIG_INLINE void describe_polynomial(const PolyVectorField& field, FieldRepor
   if (!size.empty()) report.median_abs_x0 = size.size() % 2 ? size[half] : (size[half - 1] + size[half]) / 2;
 }
 
-QUADRIG_INLINE void describe_bones(const FieldProblem& problem, const PolyVectorField& field, FieldReport& report) {
+template <class Scalar>
+void describe_bones(const FieldProblem<Scalar>& problem, const PolyVectorField& field, FieldReport& report) {
   if (!problem.dominance) return;
   std::vector<double> angles;
   for (Index f = 0; f < problem.mesh->face_count(); ++f) {
@@ -117,8 +132,9 @@ QUADRIG_INLINE void describe_bones(const FieldProblem& problem, const PolyVector
   report.median_angle_to_bone_deg = angles.size() % 2 ? angles[half] : (angles[half - 1] + angles[half]) / 2;
 }
 
-QUADRIG_INLINE Expected<FieldResult> finish_field(const FieldProblem& problem, PolyVectorField polynomial,
-                                                  const FieldOptions& options, FieldReport report) {
+template <class Scalar>
+Expected<FieldResult> finish_field(const FieldProblem<Scalar>& problem, PolyVectorField polynomial,
+                                   const BasicFieldOptions<Scalar>& options, FieldReport report) {
   FieldResult result;
   describe_polynomial(polynomial, report);
   describe_bones(problem, polynomial, report);
@@ -140,13 +156,14 @@ QUADRIG_INLINE Expected<FieldResult> finish_field(const FieldProblem& problem, P
 }
 
 // The energy of the thesis as it stands, errata mended: areas relative to the largest, weights α and β.
-QUADRIG_INLINE Expected<FieldResult> design_thesis_field(const FieldProblem& problem, const FieldOptions& options,
-                                                         FieldReport report, Context& context) {
-  const TriangleMesh<double>& mesh = *problem.mesh;
+template <class Scalar>
+Expected<FieldResult> design_thesis_field(const FieldProblem<Scalar>& problem, const BasicFieldOptions<Scalar>& options,
+                                          FieldReport report, Context& context) {
+  const TriangleMesh<Scalar>& mesh = *problem.mesh;
   const auto m = static_cast<std::size_t>(mesh.face_count());
   PolyVectorTargets targets = bone_targets(mesh, *problem.connection, *problem.skeleton, *problem.dominance,
                                            {.lengths = BoneTargetOptions::Lengths::thesis});
-  const double largest = m > 0 ? mesh.areas().maxCoeff() : 1.0;
+  const double largest = m > 0 ? static_cast<double>(mesh.areas().maxCoeff()) : 1.0;
   std::vector<double> orthogonality(m), smoothness(3 * m, 0.0), beta(m);
   for (std::size_t f = 0; f < m; ++f) {
     const double area = mesh.area(static_cast<Index>(f)) / largest;
@@ -168,15 +185,16 @@ QUADRIG_INLINE Expected<FieldResult> design_thesis_field(const FieldProblem& pro
     smoothness[static_cast<std::size_t>(h)] = (beta[f] + beta[g]) / 2 * areas / 3;
   }
 
-  auto solver = FieldSolver::create(mesh, *problem.connection, factory_of(options));
+  auto solver = BasicFieldSolver<Scalar>::create(mesh, *problem.connection, factory_of(options));
   if (!solver) return solver.error();
-  const std::array<FieldSystem, 2> systems{
-      FieldSystem{.power = 4, .smoothness = smoothness, .target = targets.x0, .target_weight = targets.weight},
-      FieldSystem{.power = 2,
-                  .smoothness = smoothness,
-                  .target = targets.x1,
-                  .target_weight = targets.weight,
-                  .shrink = orthogonality}};
+  const std::array<BasicFieldSystem<Scalar>, 2> systems{
+      BasicFieldSystem<Scalar>{
+          .power = 4, .smoothness = smoothness, .target = targets.x0, .target_weight = targets.weight},
+      BasicFieldSystem<Scalar>{.power = 2,
+                               .smoothness = smoothness,
+                               .target = targets.x1,
+                               .target_weight = targets.weight,
+                               .shrink = orthogonality}};
   auto solved = solver->minimize(systems, context);
   if (!solved) return solved.error();
   PolyVectorField polynomial{std::move((*solved)[0]), std::move((*solved)[1])};
@@ -184,8 +202,7 @@ QUADRIG_INLINE Expected<FieldResult> design_thesis_field(const FieldProblem& pro
   const std::span<const Complex> x0 = polynomial.x0, x1 = polynomial.x1;
   report.energy_align = energy_of<Complex>(Alignment<>(targets.x0, targets.weight), x0) +
                         energy_of<Complex>(Alignment<>(targets.x1, targets.weight), x1);
-  report.energy_smooth = energy_of<Complex>(Smoothness<>(mesh, *problem.connection, 4, smoothness), x0) +
-                         energy_of<Complex>(Smoothness<>(mesh, *problem.connection, 2, smoothness), x1);
+  report.energy_smooth = smoothness_energy(problem, 4, smoothness, x0) + smoothness_energy(problem, 2, smoothness, x1);
   report.energy_orth = energy_of<Complex>(Orthogonality<>(orthogonality), x1);
   return finish_field(problem, std::move(polynomial), options, std::move(report));
 }
@@ -197,7 +214,8 @@ struct ComponentScales {
   std::vector<double> average;  // smoothing length of each component as a fraction of sqrt(area)
 };
 
-QUADRIG_INLINE ComponentScales component_scales(const TriangleMesh<double>& mesh, double fraction, double length) {
+template <class Scalar>
+ComponentScales component_scales(const TriangleMesh<Scalar>& mesh, double fraction, double length) {
   ComponentScales scales;
   scales.components = face_components(mesh);
   scales.area.assign(static_cast<std::size_t>(scales.components.count), 0.0);
@@ -214,9 +232,10 @@ QUADRIG_INLINE ComponentScales component_scales(const TriangleMesh<double>& mesh
 
 // Unit crosses along the averaged principal directions; weights grow from 0, where the surface bends alike in all
 // directions or hardly at all, to 1.
-QUADRIG_INLINE Expected<PolyVectorTargets> curvature_targets(const FieldProblem& problem, const ComponentScales& scales,
-                                                             double fraction, FieldSolver& solver, Context& context) {
-  const TriangleMesh<double>& mesh = *problem.mesh;
+template <class Scalar>
+Expected<PolyVectorTargets> curvature_targets(const FieldProblem<Scalar>& problem, const ComponentScales& scales,
+                                              double fraction, BasicFieldSolver<Scalar>& solver, Context& context) {
+  const TriangleMesh<Scalar>& mesh = *problem.mesh;
   const auto m = static_cast<std::size_t>(mesh.face_count());
   const CurvatureMeasure measure = curvature_measure(mesh, *problem.connection);
   std::vector<Complex> mean(m), deviation(m);
@@ -227,9 +246,10 @@ QUADRIG_INLINE Expected<PolyVectorTargets> curvature_targets(const FieldProblem&
   }
   std::vector<double> smoothness = dirichlet_weights(mesh);
   for (double& each : smoothness) each *= fraction * fraction;
-  const std::array<FieldSystem, 2> systems{
-      FieldSystem{.power = 2, .smoothness = smoothness, .target = deviation, .target_weight = scales.share},
-      FieldSystem{.power = 0, .smoothness = smoothness, .target = mean, .target_weight = scales.share}};
+  const std::array<BasicFieldSystem<Scalar>, 2> systems{
+      BasicFieldSystem<Scalar>{
+          .power = 2, .smoothness = smoothness, .target = deviation, .target_weight = scales.share},
+      BasicFieldSystem<Scalar>{.power = 0, .smoothness = smoothness, .target = mean, .target_weight = scales.share}};
   auto averaged = solver.minimize(systems, context);
   if (!averaged) return averaged.error();
   PolyVectorTargets targets = PolyVectorTargets::none(mesh.face_count());
@@ -256,7 +276,8 @@ QUADRIG_INLINE void add_targets(PolyVectorTargets& sum, const PolyVectorTargets&
 }
 
 // Where bones meet, the densities of the two-bone rule along the first bone and across it, within [1, 4].
-QUADRIG_INLINE DensityTargets bone_densities(const FieldProblem& problem, const FrameField& frames) {
+template <class Scalar>
+DensityTargets bone_densities(const FieldProblem<Scalar>& problem, const FrameField& frames) {
   const auto m = frames.u.size();
   DensityTargets targets{std::vector<double>(m, 0.0), std::vector<double>(m, 0.0), std::vector<double>(m, 1.0)};
   for (std::size_t f = 0; f < m; ++f) {
@@ -282,10 +303,11 @@ QUADRIG_INLINE DensityTargets bone_densities(const FieldProblem& problem, const 
 // escapes by vanishing between them. Alternately smoothing over a length and taking every cross back to a unit makes
 // such pairs approach and cancel; targets pull as much as they did. Source: Merriman, Bence and Osher's scheme for
 // crosses, Viertel and Osting 2019.
-QUADRIG_INLINE Expected<std::vector<Complex>> merge_singularities(FieldSolver& solver, FieldSystem system,
-                                                                  const ComponentScales& scales,
-                                                                  const FieldOptions& options, std::vector<Complex> x0,
-                                                                  FieldReport& report, Context& context) {
+template <class Scalar>
+Expected<std::vector<Complex>> merge_singularities(BasicFieldSolver<Scalar>& solver, BasicFieldSystem<Scalar> system,
+                                                   const ComponentScales& scales,
+                                                   const BasicFieldOptions<Scalar>& options, std::vector<Complex> x0,
+                                                   FieldReport& report, Context& context) {
   const std::size_t m = x0.size();
   std::vector<double> factor;
   for (std::size_t c = 0; c < scales.area.size(); ++c) {
@@ -324,17 +346,18 @@ QUADRIG_INLINE Expected<std::vector<Complex>> merge_singularities(FieldSolver& s
   return x0;
 }
 
-QUADRIG_INLINE Expected<FieldResult> design_smooth_field(const FieldProblem& problem, const FieldOptions& options,
-                                                         FieldReport report, Context& context) {
-  const TriangleMesh<double>& mesh = *problem.mesh;
-  const Connection<double>& connection = *problem.connection;
+template <class Scalar>
+Expected<FieldResult> design_smooth_field(const FieldProblem<Scalar>& problem, const BasicFieldOptions<Scalar>& options,
+                                          FieldReport report, Context& context) {
+  const TriangleMesh<Scalar>& mesh = *problem.mesh;
+  const Connection<Scalar>& connection = *problem.connection;
   const auto m = static_cast<std::size_t>(mesh.face_count());
   const bool flat = report.preset == FieldPreset::flat;
   const ComponentScales scales = component_scales(mesh, options.smoothing_length.value_or(flat ? 0.05 : 0.01),
                                                   options.merge_quads * options.quad_edge);
   for (std::size_t c = 0; c < scales.area.size(); ++c)
     report.smoothing_length = std::max(report.smoothing_length, scales.average[c] * std::sqrt(scales.area[c]));
-  auto solver = FieldSolver::create(mesh, connection, factory_of(options));
+  auto solver = BasicFieldSolver<Scalar>::create(mesh, connection, factory_of(options));
   if (!solver) return solver.error();
 
   PolyVectorTargets targets = PolyVectorTargets::none(mesh.face_count());
@@ -354,7 +377,7 @@ QUADRIG_INLINE Expected<FieldResult> design_smooth_field(const FieldProblem& pro
 
   // Given directions first, then borders, then creases: a face keeps the first it gets.
   std::vector<char> held(m, 0);
-  std::vector<FieldSystem::Fixed> fixed0, fixed1;
+  std::vector<typename BasicFieldSystem<Scalar>::Fixed> fixed0, fixed1;
   const auto hold = [&](const std::vector<FixedDirection>& directions) {
     for (const FixedDirection& each : directions) {
       if (std::exchange(held[static_cast<std::size_t>(each.face)], char{1})) continue;
@@ -406,31 +429,30 @@ QUADRIG_INLINE Expected<FieldResult> design_smooth_field(const FieldProblem& pro
     start = eigenvector_start(mesh, connection, 4);
   }
 
-  std::vector<FieldSystem> systems{FieldSystem{.power = 4,
-                                               .smoothness = smoothness,
-                                               .target = targets.x0,
-                                               .target_weight = align,
-                                               .own_terms = options.own_terms_x0,
-                                               .fixed = fixed0,
-                                               .unpinned = unpinned,
-                                               .mass = scales.share,
-                                               .start = start}};
+  std::vector<BasicFieldSystem<Scalar>> systems{BasicFieldSystem<Scalar>{.power = 4,
+                                                                         .smoothness = smoothness,
+                                                                         .target = targets.x0,
+                                                                         .target_weight = align,
+                                                                         .own_terms = options.own_terms_x0,
+                                                                         .fixed = fixed0,
+                                                                         .unpinned = unpinned,
+                                                                         .mass = scales.share,
+                                                                         .start = start}};
   if (skewed)
-    systems.push_back(FieldSystem{.power = 2,
-                                  .smoothness = smoothness,
-                                  .target = targets.x1,
-                                  .target_weight = align,
-                                  .shrink = orthogonality,
-                                  .own_terms = options.own_terms_x1,
-                                  .fixed = fixed1});
+    systems.push_back(BasicFieldSystem<Scalar>{.power = 2,
+                                               .smoothness = smoothness,
+                                               .target = targets.x1,
+                                               .target_weight = align,
+                                               .shrink = orthogonality,
+                                               .own_terms = options.own_terms_x1,
+                                               .fixed = fixed1});
   auto solved = solver->minimize(systems, context);
   if (!solved) return solved.error();
   PolyVectorField polynomial{std::move((*solved)[0]), skewed ? std::move((*solved)[1]) : std::vector<Complex>(m)};
   const std::span<const Complex> x0 = polynomial.x0, x1 = polynomial.x1;
   report.energy_align =
       energy_of<Complex>(Alignment<>(targets.x0, align), x0) + energy_of<Complex>(Alignment<>(targets.x1, align), x1);
-  report.energy_smooth = energy_of<Complex>(Smoothness<>(mesh, connection, 4, smoothness), x0) +
-                         energy_of<Complex>(Smoothness<>(mesh, connection, 2, smoothness), x1);
+  report.energy_smooth = smoothness_energy(problem, 4, smoothness, x0) + smoothness_energy(problem, 2, smoothness, x1);
   report.energy_orth = energy_of<Complex>(Orthogonality<>(orthogonality), x1);
 
   if (options.merge_rounds > 0) {
@@ -458,16 +480,17 @@ QUADRIG_INLINE Expected<FieldResult> design_smooth_field(const FieldProblem& pro
 
 }  // namespace detail
 
-QUADRIG_INLINE Expected<FieldResult> design_field(const TriangleMesh<double>& mesh, const Rig* rig,
-                                                  const Connection<double>& connection, const FieldOptions& options,
-                                                  Context& context) {
+template <class Scalar>
+Expected<FieldResult> design_field(const TriangleMesh<Scalar>& mesh, const Rig* rig,
+                                   const Connection<Scalar>& connection,
+                                   const std::type_identity_t<BasicFieldOptions<Scalar>>& options, Context& context) {
   const Stopwatch clock;
   if (Status status = options.validate(mesh.face_count()); !status.ok()) return status.error();
   for (Index f = 0; f < mesh.face_count(); ++f)
     if (!(mesh.area(f) > 0))
       return Error{ErrorCode::bad_input, "the face has no area", "field, face " + std::to_string(f),
                    "run prepare() to remove degenerate faces"};
-  detail::FieldProblem problem{&mesh, &connection, nullptr, {}};
+  detail::FieldProblem<Scalar> problem{&mesh, &connection, nullptr, {}};
   FieldReport report;
   report.preset = options.preset;
   report.solver = options.own_solver ? "own" : options.solver;

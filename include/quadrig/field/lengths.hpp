@@ -16,7 +16,8 @@ struct DensityTargets {
 /// `smoothing_length` (a length, not a fraction) far. Components without targets get 0.
 /// \pre one entry a face. \cost a sparse factorization with two unknowns a face.
 /// \fails bad_option on a length that is not positive; numeric; as make_solver does.
-[[nodiscard]] Expected<DensityTargets> smooth_log_densities(const TriangleMesh<double>& mesh, const Matching& matching,
+template <class Scalar>
+[[nodiscard]] Expected<DensityTargets> smooth_log_densities(const TriangleMesh<Scalar>& mesh, const Matching& matching,
                                                             const DensityTargets& targets, double smoothing_length,
                                                             Context& context,
                                                             std::string_view solver = default_solver_name);

@@ -16,8 +16,9 @@ struct Matching {
 /// Principal matching by the bisector cross of each frame, which is exact for frames that are not orthogonal: the
 /// principal effort is the phase of the ratio of x0. Computed for one half-edge of a pair, so twins cannot differ.
 /// \pre one frame a face. \cost O(m). \fails never. Source: Diamanti et al. 2014, Vaxman et al. 2016.
-[[nodiscard]] inline Matching match(const TriangleMesh<double>& mesh, const Connection<double>& connection,
-                                    const FrameField& frames) {
+template <class Scalar>
+[[nodiscard]] Matching match(const TriangleMesh<Scalar>& mesh, const Connection<Scalar>& connection,
+                             const FrameField& frames) {
   constexpr double quarter = std::numbers::pi / 2;
   Matching matching{std::vector<Index>(static_cast<std::size_t>(mesh.halfedge_count()), 0),
                     std::vector<double>(static_cast<std::size_t>(mesh.halfedge_count()), 0.0)};
@@ -26,7 +27,7 @@ struct Matching {
   for (Index h = 0; h < mesh.halfedge_count(); ++h) {
     const Index twin = mesh.twin(h);
     if (twin == no_index || twin < h) continue;
-    const double alpha_f = std::arg(connection.edge(h)), alpha_g = std::arg(-connection.edge(twin));
+    const double alpha_f = std::arg(Complex(connection.edge(h))), alpha_g = std::arg(-Complex(connection.edge(twin)));
     const double turn =
         (beta[static_cast<std::size_t>(h / 3)] - alpha_f) + alpha_g - beta[static_cast<std::size_t>(twin / 3)];
     const double r = std::round(turn / quarter);
@@ -61,13 +62,15 @@ template <class Scalar>
 /// kept. \cost O(m). \fails numeric where Gauss–Bonnet (Σ angle defects = 2πχ), Σ I4 ≡ Σ r mod 4 at a vertex, or
 ///   Poincaré–Hopf (Σ I4 = 4χ) does not hold: the matching is not of this mesh, or the mesh has degenerate faces.
 /// Source: Gauss–Bonnet and Poincaré–Hopf; Ray et al. 2008.
-[[nodiscard]] inline Expected<Singularities> singularities(const TriangleMesh<double>& mesh, const Matching& matching) {
+template <class Scalar>
+[[nodiscard]] Expected<Singularities> singularities(const TriangleMesh<Scalar>& mesh, const Matching& matching) {
   constexpr double quarter = std::numbers::pi / 2;
+  constexpr double whole = std::is_same_v<Scalar, float> ? 1e-2 : 1e-6;  // numbers so near to whole ones are whole
   const auto fail = [](std::string what, std::string where) {
     return Error{ErrorCode::numeric, std::move(what), std::move(where), "run prepare() to remove degenerate faces"};
   };
   const auto n = static_cast<std::size_t>(mesh.vertex_count());
-  const auto defects = angle_defects(mesh);
+  const Eigen::VectorXd defects = angle_defects(mesh).template cast<double>();
   std::vector<double> turning(n, 0.0);
   std::vector<Index> steps(n, 0);
   for (Index h = 0; h < mesh.halfedge_count(); ++h) {
@@ -84,7 +87,7 @@ template <class Scalar>
     const auto i = static_cast<std::size_t>(v);
     const double exact = (defects[v] - turning[i]) / quarter;
     const double rounded = std::round(exact);
-    if (!(std::abs(exact - rounded) < 1e-6)) return fail("a vertex index is not whole", "vertex " + std::to_string(v));
+    if (!(std::abs(exact - rounded) < whole)) return fail("a vertex index is not whole", "vertex " + std::to_string(v));
     result.index4[i] = static_cast<Index>(rounded);
     if ((result.index4[i] - steps[i]) % 4 != 0)
       return fail("matching and index disagree", "vertex " + std::to_string(v));
@@ -109,7 +112,7 @@ template <class Scalar>
       exact_sum += exact;
       rounded_sum += result.index4[i];
     }
-    if (!(std::abs(exact_sum - std::round(exact_sum)) < 1e-6))
+    if (!(std::abs(exact_sum - std::round(exact_sum)) < whole))
       return fail("the index of a border loop is not whole", "vertex " + std::to_string(v));
     const Index missing = static_cast<Index>(std::lround(exact_sum)) - rounded_sum;
     const Index sign = missing < 0 ? -1 : 1;
@@ -129,7 +132,9 @@ template <class Scalar>
       ++(index > 0 ? result.plus : result.minus);
   }
   const Index chi = euler_characteristic(mesh);
-  if (!(std::abs(total_defect - 2 * std::numbers::pi * chi) < 1e-6 * (1 + std::abs(total_defect))))
+  const double total_tolerance =
+      std::is_same_v<Scalar, float> ? 1e-6 * (1 + static_cast<double>(n)) : 1e-6 * (1 + std::abs(total_defect));
+  if (!(std::abs(total_defect - 2 * std::numbers::pi * chi) < total_tolerance))
     return fail("Gauss–Bonnet does not hold: the angles of the mesh are not finite or not its own", "mesh");
   if (result.sum != 4 * chi)
     return fail(

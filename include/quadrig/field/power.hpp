@@ -43,18 +43,21 @@ struct PowerFieldResult {
 /// minimizer of smoothness and distance to the targets.
 /// \pre no face of zero area. \cost one sparse factorization, and solves with it for the eigenvector.
 /// \fails bad_option; numeric. Source: Knöppel et al. 2013, on faces.
-[[nodiscard]] Expected<PowerFieldResult> design_power_field(const TriangleMesh<double>& mesh,
-                                                            const Connection<double>& connection,
+template <class Scalar>
+[[nodiscard]] Expected<PowerFieldResult> design_power_field(const TriangleMesh<Scalar>& mesh,
+                                                            const Connection<Scalar>& connection,
                                                             const PowerFieldOptions& options, Context& context);
 
 /// Per vertex inside, N times the index of the field; 0 on the boundary. On a closed surface the sum is Nχ.
-[[nodiscard]] std::vector<Index> power_field_index(const TriangleMesh<double>& mesh,
-                                                   const Connection<double>& connection, const PowerField& field);
+template <class Scalar>
+[[nodiscard]] std::vector<Index> power_field_index(const TriangleMesh<Scalar>& mesh,
+                                                   const Connection<Scalar>& connection, const PowerField& field);
 
 namespace detail {
 /// A start for inverse iteration made of the surface alone: it turns with the bases and does not see the numbering.
-[[nodiscard]] std::vector<Complex> eigenvector_start(const TriangleMesh<double>& mesh,
-                                                     const Connection<double>& connection, int power);
+template <class Scalar>
+[[nodiscard]] std::vector<Complex> eigenvector_start(const TriangleMesh<Scalar>& mesh,
+                                                     const Connection<Scalar>& connection, int power);
 }  // namespace detail
 
 }  // namespace quadrig

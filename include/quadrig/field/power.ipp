@@ -29,15 +29,18 @@ QUADRIG_INLINE Status PowerFieldOptions::validate(Index faces) const {
 
 namespace detail {
 
-QUADRIG_INLINE std::vector<Complex> eigenvector_start(const TriangleMesh<double>& mesh,
-                                                      const Connection<double>& connection, int power) {
+template <class Scalar>
+std::vector<Complex> eigenvector_start(const TriangleMesh<Scalar>& mesh, const Connection<Scalar>& connection,
+                                       int power) {
   // Summed from the areas' centre of each component: vectors outward from it, and the edges, turn with the surface.
   const Components components = face_components(mesh);
   std::vector<Vector3> centre(static_cast<std::size_t>(components.count), Vector3::Zero());
   std::vector<double> area(centre.size(), 0.0);
   const auto barycentre = [&](Index f) -> Vector3 {
-    return (mesh.position(mesh.faces()(f, 0)) + mesh.position(mesh.faces()(f, 1)) + mesh.position(mesh.faces()(f, 2))) /
-           3;
+    return ((mesh.position(mesh.faces()(f, 0)) + mesh.position(mesh.faces()(f, 1)) +
+             mesh.position(mesh.faces()(f, 2))) /
+            Scalar(3))
+        .template cast<double>();
   };
   for (Index f = 0; f < mesh.face_count(); ++f) {
     const auto c = static_cast<std::size_t>(components.of_face[static_cast<std::size_t>(f)]);
@@ -50,12 +53,13 @@ QUADRIG_INLINE std::vector<Complex> eigenvector_start(const TriangleMesh<double>
   for (Index f = 0; f < mesh.face_count(); ++f) {
     const auto c = static_cast<std::size_t>(components.of_face[static_cast<std::size_t>(f)]);
     const double size = std::sqrt(area[c]);
-    const Complex outward = connection.to_complex(f, barycentre(f) - centre[c]) / (size > 0 ? size : 1.0);
+    const Complex outward = Complex(connection.to_complex(f, (barycentre(f) - centre[c]).template cast<Scalar>())) /
+                            (size > 0 ? size : 1.0);
     Complex value = std::abs(outward) > 1e-6 ? integer_power(outward / std::abs(outward), power) : Complex{};
     Index longest = 3 * f;
     for (Index h = 3 * f + 1; h < 3 * f + 3; ++h)
       if (mesh.edge_vector(h).squaredNorm() > mesh.edge_vector(longest).squaredNorm()) longest = h;
-    value += 0.1 * integer_power(connection.edge(longest), power);
+    value += 0.1 * integer_power(Complex(connection.edge(longest)), power);
     start[static_cast<std::size_t>(f)] = value;
   }
   return start;
@@ -63,13 +67,14 @@ QUADRIG_INLINE std::vector<Complex> eigenvector_start(const TriangleMesh<double>
 
 }  // namespace detail
 
-QUADRIG_INLINE std::vector<Index> power_field_index(const TriangleMesh<double>& mesh,
-                                                    const Connection<double>& connection, const PowerField& field) {
+template <class Scalar>
+std::vector<Index> power_field_index(const TriangleMesh<Scalar>& mesh, const Connection<Scalar>& connection,
+                                     const PowerField& field) {
   std::vector<double> turning(static_cast<std::size_t>(mesh.vertex_count()), 0.0);
   for (Index h = 0; h < mesh.halfedge_count(); ++h) {
     const Index twin = mesh.twin(h);
     if (twin == no_index || twin < h) continue;
-    const Complex here = field.power[static_cast<std::size_t>(h / 3)] * connection.transport(mesh, h, field.n);
+    const Complex here = field.power[static_cast<std::size_t>(h / 3)] * Complex(connection.transport(mesh, h, field.n));
     const double turn = std::arg(here * std::conj(field.power[static_cast<std::size_t>(twin / 3)]));
     turning[static_cast<std::size_t>(mesh.target(h))] += turn;
     turning[static_cast<std::size_t>(mesh.origin(h))] -= turn;
@@ -78,14 +83,14 @@ QUADRIG_INLINE std::vector<Index> power_field_index(const TriangleMesh<double>& 
   std::vector<Index> index(turning.size(), 0);
   for (Index v = 0; v < mesh.vertex_count(); ++v)
     if (mesh.outgoing(v) != no_index && !mesh.on_boundary(v))
-      index[static_cast<std::size_t>(v)] = static_cast<Index>(
-          std::lround((field.n * defects[v] - turning[static_cast<std::size_t>(v)]) / (2 * std::numbers::pi)));
+      index[static_cast<std::size_t>(v)] = static_cast<Index>(std::lround(
+          (field.n * static_cast<double>(defects[v]) - turning[static_cast<std::size_t>(v)]) / (2 * std::numbers::pi)));
   return index;
 }
 
-QUADRIG_INLINE Expected<PowerFieldResult> design_power_field(const TriangleMesh<double>& mesh,
-                                                             const Connection<double>& connection,
-                                                             const PowerFieldOptions& options, Context& context) {
+template <class Scalar>
+Expected<PowerFieldResult> design_power_field(const TriangleMesh<Scalar>& mesh, const Connection<Scalar>& connection,
+                                              const PowerFieldOptions& options, Context& context) {
   const Stopwatch clock;
   if (Status status = options.validate(mesh.face_count()); !status.ok()) return status.error();
   const auto m = static_cast<std::size_t>(mesh.face_count());
@@ -104,7 +109,7 @@ QUADRIG_INLINE Expected<PowerFieldResult> design_power_field(const TriangleMesh<
     weight[f] = mass[f] * (options.target_weights.empty() ? 1.0 : options.target_weights[f]);
     pull[c] += weight[f];
   }
-  std::vector<FieldSystem::Fixed> fixed;
+  std::vector<typename BasicFieldSystem<Scalar>::Fixed> fixed;
   for (const FixedDirection& each : options.fixed) {
     fixed.push_back({each.face, integer_power(each.direction / std::abs(each.direction), options.n)});
     pull[static_cast<std::size_t>(components.of_face[static_cast<std::size_t>(each.face)])] += 1;
@@ -121,16 +126,17 @@ QUADRIG_INLINE Expected<PowerFieldResult> design_power_field(const TriangleMesh<
   std::vector<double> smoothness = dirichlet_weights(mesh);
   for (double& each : smoothness) each *= options.smoothing_length * options.smoothing_length;
 
-  auto solver = FieldSolver::create(mesh, connection, solver_factory<Complex>(options.solver));
+  auto solver =
+      BasicFieldSolver<Scalar>::create(mesh, connection, solver_factory<std::complex<Scalar>>(options.solver));
   if (!solver) return solver.error();
-  const std::array<FieldSystem, 1> system{FieldSystem{.power = options.n,
-                                                      .smoothness = smoothness,
-                                                      .target = target,
-                                                      .target_weight = weight,
-                                                      .fixed = fixed,
-                                                      .unpinned = unpinned,
-                                                      .mass = mass,
-                                                      .start = start}};
+  const std::array<BasicFieldSystem<Scalar>, 1> system{BasicFieldSystem<Scalar>{.power = options.n,
+                                                                                .smoothness = smoothness,
+                                                                                .target = target,
+                                                                                .target_weight = weight,
+                                                                                .fixed = fixed,
+                                                                                .unpinned = unpinned,
+                                                                                .mass = mass,
+                                                                                .start = start}};
   auto solved = solver->minimize(system, context);
   if (!solved) return solved.error();
   result.field = {options.n, std::move(solved->front())};

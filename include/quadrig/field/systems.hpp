@@ -8,14 +8,16 @@ namespace quadrig {
 
 /// The energy of one complex number a face that transforms like the `power`-th power of a direction:
 /// Σ_e smoothness |z_f ē_f^n − z_g ē_g^n|² + Σ_f target_weight |z − target|² + Σ_f shrink |z|² + own terms.
+/// Targets, weights and results are double whatever the Scalar of the mesh, the matrices and the factors.
 /// \pre spans outlive the call; smoothness has one entry a half-edge, the others one a face; shrink may be empty.
-struct FieldSystem {
+template <class Scalar>
+struct BasicFieldSystem {
   int power = 4;
   std::span<const double> smoothness;
   std::span<const Complex> target;
   std::span<const double> target_weight;
   std::span<const double> shrink = {};
-  std::span<const AnyTerm<Complex>> own_terms = {};
+  std::span<const AnyTerm<std::complex<Scalar>>> own_terms = {};
 
   /// Faces held, and their values.
   struct Fixed {
@@ -30,6 +32,7 @@ struct FieldSystem {
   std::span<const double> mass = {};
   std::span<const Complex> start = {};
 };
+using FieldSystem = BasicFieldSystem<double>;
 
 /// Sums over all calls.
 struct FieldSolverReport {
@@ -43,19 +46,23 @@ struct FieldSolverReport {
 /// Solves field systems on one mesh. The analysis lasts as long as the pattern does (the same fixed faces, the same
 /// own terms), over all systems and calls: new weights and targets cost a refill and a factorization. Where other faces
 /// are fixed the order of elimination lasts, and what follows from it is found anew.
+/// Scalar is float or double: float halves the memory of matrices and factors and leaves about five digits.
 /// \pre mesh and connection outlive the solver.
-class FieldSolver {
+template <class Scalar>
+class BasicFieldSolver {
  public:
+  using K = std::complex<Scalar>;
+  using System = BasicFieldSystem<Scalar>;
+
   /// \fails as the factory does
-  [[nodiscard]] static Expected<FieldSolver> create(const TriangleMesh<double>& mesh,
-                                                    const Connection<double>& connection,
-                                                    SolverFactory<Complex> factory = solver_factory<Complex>());
+  [[nodiscard]] static Expected<BasicFieldSolver> create(const TriangleMesh<Scalar>& mesh,
+                                                         const Connection<Scalar>& connection,
+                                                         SolverFactory<K> factory = solver_factory<K>());
 
   /// Minimizes each system; the k-th result belongs to the k-th system. Systems are factored side by side where the
   /// context allows more than one thread; the bits of the results do not depend on that.
   /// \cost O(m) to refill, a sparse factorization each. \fails numeric where a system is singular; cancelled.
-  [[nodiscard]] Expected<std::vector<std::vector<Complex>>> minimize(std::span<const FieldSystem> systems,
-                                                                     Context& context);
+  [[nodiscard]] Expected<std::vector<std::vector<Complex>>> minimize(std::span<const System> systems, Context& context);
 
   /// The k-th system of the last `minimize` with other targets and weights, one a face: what an artist's brush calls.
   /// The result is that of a whole `minimize`, bit for bit; systems with unpinned components are not for this.
@@ -73,31 +80,37 @@ class FieldSolver {
 
  private:
   struct Slot {
-    QuadraticForm<Complex> form;
-    std::optional<AnySolver<Complex>> solver;
+    QuadraticForm<K> form;
+    std::optional<AnySolver<K>> solver;
     std::uint64_t version = 0;
     // Of the free unknowns without their targets.
-    std::vector<double> diagonal;
-    std::vector<Complex> rhs;
+    std::vector<Scalar> diagonal;
+    std::vector<K> rhs;
   };
 
-  FieldSolver(const TriangleMesh<double>& mesh, const Connection<double>& connection, SolverFactory<Complex> factory)
+  BasicFieldSolver(const TriangleMesh<Scalar>& mesh, const Connection<Scalar>& connection, SolverFactory<K> factory)
       : mesh_(&mesh), connection_(&connection), factory_(std::move(factory)) {}
 
-  Status assemble(Slot& slot, const FieldSystem& system);
+  Status assemble(Slot& slot, const System& system);
   [[nodiscard]] Status add_targets(Slot& slot, std::span<const Complex> target, std::span<const double> weight);
-  [[nodiscard]] std::vector<Index> lasting_order(const QuadraticForm<Complex>& form) const;
+  [[nodiscard]] std::vector<Index> lasting_order(const QuadraticForm<K>& form) const;
   Status analyze(Slot& slot, Context& context);
 
-  const TriangleMesh<double>* mesh_;
-  const Connection<double>* connection_;
-  SolverFactory<Complex> factory_;
+  const TriangleMesh<Scalar>* mesh_;
+  const Connection<Scalar>* connection_;
+  SolverFactory<K> factory_;
   std::vector<Slot> slots_;
   std::vector<Index> face_order_;  // in which the backend eliminated them, where it tells
   // The pattern of the last analysis, and a solver that holds it, unfactored.
   std::vector<Index> column_starts_, rows_;
-  std::optional<AnySolver<Complex>> analyzed_;
+  std::optional<AnySolver<K>> analyzed_;
   FieldSolverReport report_;
 };
+using FieldSolver = BasicFieldSolver<double>;
+
+#if defined(QUADRIG_COMPILED)
+extern template class BasicFieldSolver<float>;
+extern template class BasicFieldSolver<double>;
+#endif
 
 }  // namespace quadrig

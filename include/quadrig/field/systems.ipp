@@ -5,29 +5,51 @@
 
 namespace quadrig {
 
-QUADRIG_INLINE Expected<FieldSolver> FieldSolver::create(const TriangleMesh<double>& mesh,
-                                                         const Connection<double>& connection,
-                                                         SolverFactory<Complex> factory) {
-  if (auto first = factory(); !first) return first.error();
-  return FieldSolver(mesh, connection, std::move(factory));
+namespace detail {
+
+// The double numbers of callers beside the K of systems.
+template <class K>
+[[nodiscard]] std::vector<Complex> widened(std::vector<K> values) {
+  if constexpr (std::is_same_v<K, Complex>)
+    return values;
+  else
+    return {values.begin(), values.end()};
+}
+template <class K>
+[[nodiscard]] std::vector<K> free_part(const QuadraticForm<K>& form, std::span<const Complex> all) {
+  if constexpr (std::is_same_v<K, Complex>)
+    return form.restrict_to_free(all);
+  else
+    return form.restrict_to_free(std::vector<K>(all.begin(), all.end()));
 }
 
-QUADRIG_INLINE Status FieldSolver::assemble(Slot& slot, const FieldSystem& system) {
+}  // namespace detail
+
+template <class Scalar>
+Expected<BasicFieldSolver<Scalar>> BasicFieldSolver<Scalar>::create(const TriangleMesh<Scalar>& mesh,
+                                                                    const Connection<Scalar>& connection,
+                                                                    SolverFactory<K> factory) {
+  if (auto first = factory(); !first) return first.error();
+  return BasicFieldSolver(mesh, connection, std::move(factory));
+}
+
+template <class Scalar>
+Status BasicFieldSolver<Scalar>::assemble(Slot& slot, const System& system) {
   std::vector<char> held(static_cast<std::size_t>(mesh_->face_count()), 0);
-  for (const FieldSystem::Fixed& fixed : system.fixed) {
+  for (const typename System::Fixed& fixed : system.fixed) {
     held[static_cast<std::size_t>(fixed.face)] = 1;
-    slot.form.fix(fixed.face, fixed.value);
+    slot.form.fix(fixed.face, K(fixed.value));
   }
   for (Index f = 0; f < mesh_->face_count(); ++f)
     if (!held[static_cast<std::size_t>(f)]) slot.form.release(f);
 
-  const Smoothness<double> smoothness(*mesh_, *connection_, system.power, system.smoothness);
-  const Orthogonality<double> shrink(system.shrink);
-  std::vector<TermRef<Complex>> terms{smoothness, shrink};
-  for (const AnyTerm<Complex>& own : system.own_terms) terms.emplace_back(own);
+  const Smoothness<Scalar> smoothness(*mesh_, *connection_, system.power, system.smoothness);
+  const Orthogonality<Scalar> shrink(system.shrink);
+  std::vector<TermRef<K>> terms{smoothness, shrink};
+  for (const AnyTerm<K>& own : system.own_terms) terms.emplace_back(own);
   // Without its targets, which may change alone. A face that no row reaches has its place in the matrix all the same.
-  if (Status status = slot.form.assemble(std::span<const TermRef<Complex>>(terms)); !status.ok()) return status;
-  const std::span<const Complex> rhs = slot.form.rhs();
+  if (Status status = slot.form.assemble(std::span<const TermRef<K>>(terms)); !status.ok()) return status;
+  const std::span<const K> rhs = slot.form.rhs();
   slot.rhs.assign(rhs.begin(), rhs.end());
   slot.diagonal.resize(rhs.size());
   for (std::size_t i = 0; i < rhs.size(); ++i) slot.diagonal[i] = slot.form.diagonal(static_cast<Index>(i));
@@ -35,22 +57,27 @@ QUADRIG_INLINE Status FieldSolver::assemble(Slot& slot, const FieldSystem& syste
 
   // A component that nothing pins is singular, or as good as: a shift far below its first eigenvalue mends that.
   if (!system.unpinned.empty()) {
+    constexpr double shift = std::max(1e-8, 16.0 * std::numeric_limits<Scalar>::epsilon());
     const auto A = slot.form.matrix();
     double mean = 0;
     for (Index j = 0; j < A.size; ++j)
-      mean += std::real(A.values[static_cast<std::size_t>(A.column_starts[static_cast<std::size_t>(j)])]) / A.size;
+      mean += static_cast<double>(
+                  std::real(A.values[static_cast<std::size_t>(A.column_starts[static_cast<std::size_t>(j)])])) /
+              A.size;
     Index unknown = 0;
     for (std::size_t f = 0; f < held.size(); ++f) {
       if (held[f]) continue;
-      if (system.unpinned[f] != no_index) slot.form.add_to_diagonal(unknown, mean > 0 ? 1e-8 * mean : 1);
+      if (system.unpinned[f] != no_index)
+        slot.form.add_to_diagonal(unknown, static_cast<Scalar>(mean > 0 ? shift * mean : 1));
       ++unknown;
     }
   }
   return {};
 }
 
-QUADRIG_INLINE Status FieldSolver::add_targets(Slot& slot, std::span<const Complex> target,
-                                               std::span<const double> weight) {
+template <class Scalar>
+Status BasicFieldSolver<Scalar>::add_targets(Slot& slot, std::span<const Complex> target,
+                                             std::span<const double> weight) {
   Index unknown = 0;
   for (Index f = 0; f < mesh_->face_count(); ++f) {
     const auto i = static_cast<std::size_t>(f);
@@ -59,14 +86,16 @@ QUADRIG_INLINE Status FieldSolver::add_targets(Slot& slot, std::span<const Compl
                    "check the term with quadrig/laws.hpp"};
     if (slot.form.is_fixed(f)) continue;
     const auto j = static_cast<std::size_t>(unknown);
-    slot.form.set_diagonal(unknown++, slot.diagonal[j] + weight[i], slot.rhs[j] + weight[i] * target[i]);
+    slot.form.set_diagonal(unknown++, slot.diagonal[j] + static_cast<Scalar>(weight[i]),
+                           slot.rhs[j] + K(weight[i] * target[i]));
   }
   return {};
 }
 
 // The order of the last analysis among the free faces, those that were not free before it first: with their few
 // neighbours they fill little. Empty where there is none that is worth keeping.
-QUADRIG_INLINE std::vector<Index> FieldSolver::lasting_order(const QuadraticForm<Complex>& form) const {
+template <class Scalar>
+std::vector<Index> BasicFieldSolver<Scalar>::lasting_order(const QuadraticForm<K>& form) const {
   std::vector<Index> unknown(static_cast<std::size_t>(mesh_->face_count()), no_index), order;
   Index count = 0;
   for (Index f = 0; f < mesh_->face_count(); ++f)
@@ -83,7 +112,8 @@ QUADRIG_INLINE std::vector<Index> FieldSolver::lasting_order(const QuadraticForm
   return order;
 }
 
-QUADRIG_INLINE Status FieldSolver::analyze(Slot& slot, Context& context) {
+template <class Scalar>
+Status BasicFieldSolver<Scalar>::analyze(Slot& slot, Context& context) {
   if (slot.solver && slot.version == slot.form.pattern_version()) return {};
   const auto A = slot.form.matrix();
   const bool same =
@@ -122,9 +152,14 @@ QUADRIG_INLINE Status FieldSolver::analyze(Slot& slot, Context& context) {
 namespace detail {
 
 // Inverse iteration on every unpinned component at once; each is normalized by itself.
-QUADRIG_INLINE Expected<Index> smallest_eigenvectors(const FieldSystem& system, const QuadraticForm<Complex>& form,
-                                                     AnySolver<Complex>& solver, std::vector<Complex>& z,
-                                                     Context& context) {
+template <class Scalar>
+Expected<Index> smallest_eigenvectors(const BasicFieldSystem<Scalar>& system,
+                                      const QuadraticForm<std::complex<Scalar>>& form,
+                                      AnySolver<std::complex<Scalar>>& solver, std::vector<Complex>& z,
+                                      Context& context) {
+  using K = std::complex<Scalar>;
+  constexpr double epsilon = std::numeric_limits<Scalar>::epsilon();
+  constexpr double settled_change = std::max(1e-16, 64 * epsilon * epsilon);
   Index components = 0;
   for (const Index component : system.unpinned) components = std::max(components, component + 1);
   std::vector<double> square(static_cast<std::size_t>(components)), mass(square.size()), change(square.size());
@@ -146,15 +181,16 @@ QUADRIG_INLINE Expected<Index> smallest_eigenvectors(const FieldSystem& system, 
   for (std::size_t f = 0; f < z.size(); ++f)
     if (system.unpinned[f] != no_index) iterate[f] = system.start[f];
   normalize(iterate);
-  std::vector<Complex> right(z.size()), x(form.rhs().size());
+  std::vector<Complex> right(z.size());
+  std::vector<K> x(form.rhs().size());
   Index iteration = 0;
   for (constexpr Index limit = 100; iteration < limit; ++iteration) {
     if (context.cancelled()) return cancelled_error("field");
     for (std::size_t f = 0; f < z.size(); ++f)
       right[f] = system.unpinned[f] == no_index ? Complex{} : system.mass[f] * iterate[f];
-    const std::vector<Complex> b = form.restrict_to_free(right);
+    const std::vector<K> b = free_part(form, right);
     if (const SolveInfo info = solver.solve(b, x, context); !info.status.ok()) return info.status.error();
-    std::vector<Complex> next = form.expand(x);
+    std::vector<Complex> next = widened(form.expand(x));
     for (std::size_t f = 0; f < z.size(); ++f)
       if (system.unpinned[f] == no_index) next[f] = 0;
     normalize(next);
@@ -164,7 +200,7 @@ QUADRIG_INLINE Expected<Index> smallest_eigenvectors(const FieldSystem& system, 
         change[static_cast<std::size_t>(system.unpinned[f])] += system.mass[f] * std::norm(next[f] - iterate[f]);
     iterate = std::move(next);
     bool settled = true;
-    for (std::size_t c = 0; c < change.size(); ++c) settled = settled && change[c] <= 1e-16 * mass[c];
+    for (std::size_t c = 0; c < change.size(); ++c) settled = settled && change[c] <= settled_change * mass[c];
     if (settled) break;
   }
   for (std::size_t f = 0; f < z.size(); ++f)
@@ -174,9 +210,10 @@ QUADRIG_INLINE Expected<Index> smallest_eigenvectors(const FieldSystem& system, 
 
 }  // namespace detail
 
-QUADRIG_INLINE Expected<std::vector<std::vector<Complex>>> FieldSolver::minimize(std::span<const FieldSystem> systems,
-                                                                                 Context& context) {
-  while (slots_.size() < systems.size()) slots_.push_back({QuadraticForm<Complex>(mesh_->face_count()), {}, 0, {}, {}});
+template <class Scalar>
+Expected<std::vector<std::vector<Complex>>> BasicFieldSolver<Scalar>::minimize(std::span<const System> systems,
+                                                                               Context& context) {
+  while (slots_.size() < systems.size()) slots_.push_back({QuadraticForm<K>(mesh_->face_count()), {}, 0, {}, {}});
 
   for (std::size_t k = 0; k < systems.size(); ++k) {
     const Stopwatch assembly;
@@ -201,8 +238,8 @@ QUADRIG_INLINE Expected<std::vector<std::vector<Complex>>> FieldSolver::minimize
       Slot& slot = slots_[k];
       Context own;  // the caller's callbacks are for the caller's thread
       own.cancel_flag = context.cancel_flag;
-      own.threads = 1;
-      std::vector<Complex> x(slot.form.rhs().size());
+      own.threads = std::max(1u, context.thread_count() / static_cast<unsigned>(systems.size()));
+      std::vector<K> x(slot.form.rhs().size());
       if (!x.empty()) {
         const Stopwatch factorization;
         if (Status status = slot.solver->factorize(slot.form.matrix(), own); !status.ok()) {
@@ -224,9 +261,9 @@ QUADRIG_INLINE Expected<std::vector<std::vector<Complex>>> FieldSolver::minimize
         }
         outcome.residual = std::isnan(info.residual) ? 0 : info.residual;
       }
-      outcome.z = slot.form.expand(x);
+      outcome.z = detail::widened(slot.form.expand(x));
       if (!systems[k].unpinned.empty()) {
-        auto iterations = detail::smallest_eigenvectors(systems[k], slot.form, *slot.solver, outcome.z, own);
+        auto iterations = detail::smallest_eigenvectors<Scalar>(systems[k], slot.form, *slot.solver, outcome.z, own);
         if (!iterations) {
           outcome.error = iterations.error();
           continue;
@@ -249,14 +286,15 @@ QUADRIG_INLINE Expected<std::vector<std::vector<Complex>>> FieldSolver::minimize
   return results;
 }
 
-QUADRIG_INLINE Expected<std::vector<Complex>> FieldSolver::update(std::size_t k, std::span<const Complex> target,
-                                                                  std::span<const double> target_weight,
-                                                                  Context& context) {
+template <class Scalar>
+Expected<std::vector<Complex>> BasicFieldSolver<Scalar>::update(std::size_t k, std::span<const Complex> target,
+                                                                std::span<const double> target_weight,
+                                                                Context& context) {
   Slot& slot = slots_[k];
   const Stopwatch assembly;
   if (Status status = add_targets(slot, target, target_weight); !status.ok()) return status.error();
   report_.assembly_seconds += assembly.seconds();
-  std::vector<Complex> x(slot.form.rhs().size());
+  std::vector<K> x(slot.form.rhs().size());
   if (!x.empty()) {
     const Stopwatch factorization;
     if (Status status = slot.solver->factorize(slot.form.matrix(), context); !status.ok()) return status.error();
@@ -267,21 +305,21 @@ QUADRIG_INLINE Expected<std::vector<Complex>> FieldSolver::update(std::size_t k,
     report_.solve_seconds += solve.seconds();
     if (!std::isnan(info.residual)) report_.residual = std::max(report_.residual, info.residual);
   }
-  return slot.form.expand(x);
+  return detail::widened(slot.form.expand(x));
 }
 
-QUADRIG_INLINE Expected<std::vector<Complex>> FieldSolver::solve_again(std::size_t k,
-                                                                       std::span<const Complex> added_rhs,
-                                                                       Context& context) {
+template <class Scalar>
+Expected<std::vector<Complex>> BasicFieldSolver<Scalar>::solve_again(std::size_t k, std::span<const Complex> added_rhs,
+                                                                     Context& context) {
   if (context.cancelled()) return cancelled_error("field");
   const Stopwatch clock;
   Slot& slot = slots_[k];
-  std::vector<Complex> b = slot.form.restrict_to_free(added_rhs), x(b.size());
+  std::vector<K> b = detail::free_part(slot.form, added_rhs), x(b.size());
   for (std::size_t i = 0; i < b.size(); ++i) b[i] += slot.form.rhs()[i];
   if (!b.empty())
     if (const SolveInfo info = slot.solver->solve(b, x, context); !info.status.ok()) return info.status.error();
   report_.solve_seconds += clock.seconds();
-  return slot.form.expand(x);
+  return detail::widened(slot.form.expand(x));
 }
 
 }  // namespace quadrig
