@@ -229,6 +229,34 @@ TEST_CASE("gltf: the source map leads from each vertex to its place on the input
   CHECK(worst < 1e-6);
 }
 
+TEST_CASE("gltf: edges between regions lie on the seams where quads stay good", "[gltf]") {
+  GltfRemeshOptions options = asked(600);
+  const Done kept = remeshed({}, options);
+  options.snap_seams = false;
+  const Done free = remeshed({}, options);
+  const GltfRemeshed &with = kept.surfaces[0], &without = free.surfaces[0];
+  CHECK(without.seam_edges == 0);
+  CHECK(with.result.mesh.quads == without.result.mesh.quads);
+  CHECK(with.seam_edges > 40);  // up the side, and three rings
+  CHECK(2 * with.snapped_edges > with.seam_edges);
+  CHECK(with.result.report.scaled_jacobian_minimum >=
+        std::min(options.least_at_seams, without.result.report.scaled_jacobian_minimum) - 1e-12);
+  // Vertices stay where `source` says, and on the seams are more of them: the side's, the middle's and the caps'.
+  const auto on_seams = [](const GltfRemeshed& one) {
+    Index count = 0;
+    for (Index v = 0; v < one.result.mesh.vertex_count(); ++v) {
+      const Vector3 p = one.result.mesh.positions.row(v).transpose();
+      CHECK((position(one.remeshed, one.result.mesh.source[static_cast<std::size_t>(v)]) - p).norm() < 1e-12);
+      const bool side = std::abs(p.z()) < 1e-9 && p.x() > 0.1, middle = std::abs(p.y() - 1) < 1e-9;
+      const bool cap = std::hypot(p.x(), p.z()) > 0.24 && (std::abs(p.y()) < 1e-9 || std::abs(p.y() - 2) < 1e-9);
+      count += side || middle || cap;
+    }
+    return count;
+  };
+  CHECK(on_seams(with) > 2 * on_seams(without));
+  CHECK(on_seams(with) > with.snapped_edges / 2);
+}
+
 TEST_CASE("gltf: normals of morph targets are those of the moved quads", "[gltf]") {
   const Done done = remeshed({.morph_normals = true}, asked(300));
   // The target stretches the tube along y by 5 %: what it does to normals is small, and nothing like the input's 0.5.

@@ -24,6 +24,10 @@ struct GltfRemeshOptions {
   double least_shell_quads = 6;
   /// Each vertex tells where it lies on the input, as the attribute _SOURCE (docs/gltf.md).
   bool source_map = false;
+  /// Edges between regions of quads go onto the seams of texture coordinates, colours and materials where no quad's
+  /// scaled Jacobian falls below `least_at_seams`, or below what it was.
+  bool snap_seams = true;
+  double least_at_seams = 0.5;
 };
 
 /// A part that was to be remeshed, could not be, and stays as the triangles it is.
@@ -39,6 +43,7 @@ struct GltfRemeshed {
   TriangleMesh<double> remeshed;                  ///< those shells
   Index passed_shells = 0, passed_triangles = 0;  ///< too small, or failed
   std::vector<GltfFailure> failures;
+  Index seam_edges = 0, snapped_edges = 0;             ///< of quads, between regions; of those, on a seam
   Index written_vertices = 0, written_primitives = 0;  ///< vertices count once more along seams
 };
 

@@ -16,7 +16,7 @@ struct Options {
   std::string poses = "bends";
   std::vector<Index> quads;
   GltfSelection selection;
-  bool source_map = false;
+  bool source_map = false, seams = true;
 };
 
 Json options_json(const Options& o) {
@@ -99,6 +99,7 @@ Status remesh_files(Options options, Session& session) {
     job.options.selection = options.selection;
     job.options.pose_source = options.poses == "clips" ? GltfPoses::clips : GltfPoses::bends;
     job.options.source_map = options.source_map;
+    job.options.snap_seams = options.seams;
     job.options_json = options_json(options);
     return remesh_gltf_file(job, session);
   }
@@ -243,6 +244,10 @@ void add_remesh(CLI::App& app, Run& run) {
       ->group(parts);
   verb->add_flag("--all", options->selection.unskinned, "Meshes that no skin moves too")->group(parts);
   verb->add_flag("--source-map", options->source_map, "Each vertex tells where it lies on the input, as _SOURCE")
+      ->group(parts);
+
+  verb->add_flag("!--no-seams", options->seams,
+                 "Do not move edges of quads onto the seams of textures and materials")
       ->group(parts);
 
   const std::string expert = "For experts";

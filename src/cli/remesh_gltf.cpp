@@ -78,6 +78,8 @@ Json surfaces_json(std::span<const GltfRemeshed> all) {
                         {"passed_shells", one.passed_shells},
                         {"passed_triangles", one.passed_triangles},
                         {"failures", failures},
+                        {"seam_edges", one.seam_edges},
+                        {"snapped_edges", one.snapped_edges},
                         {"written_primitives", one.written_primitives},
                         {"written_vertices", one.written_vertices}});
   }

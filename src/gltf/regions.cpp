@@ -26,6 +26,12 @@ Regions::Regions(const Gathered& gathered, const TriangleMesh<double>& mesh, std
   mark_.assign(at(mesh.face_count()), 0);
 }
 
+bool Regions::any_seam() const {
+  for (Index h = 0; h < mesh_.halfedge_count(); ++h)
+    if (is_seam(h)) return true;
+  return false;
+}
+
 bool Regions::alike(const Eigen::VectorXd& a, const Eigen::VectorXd& b) const {
   for (const Eigen::Index k : seam_columns_)
     if (!(std::abs(a[k] - b[k]) <= 1e-5)) return false;

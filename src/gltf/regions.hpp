@@ -22,6 +22,9 @@ class Regions {
   [[nodiscard]] QuadValues of_quad(const QuadMesh& quads, Index quad);
   /// All columns at a point of `mesh`.
   [[nodiscard]] Eigen::VectorXd values_at(const SurfacePoint& point) const;
+  /// Between two faces; the border of the surface is none.
+  [[nodiscard]] bool is_seam(Index halfedge) const { return seam_[at(halfedge)] && mesh_.twin(halfedge) != no_index; }
+  [[nodiscard]] bool any_seam() const;
   /// Whether two rows are the same in all columns that make seams.
   [[nodiscard]] bool alike(const Eigen::VectorXd& a, const Eigen::VectorXd& b) const;
 

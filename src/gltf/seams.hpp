@@ -1,0 +1,20 @@
+// Seams as edges of quads: the edges that part regions are moved onto the seams of the surface, where quads stay good.
+#pragma once
+
+#include "regions.hpp"
+
+namespace quadrig::gltf {
+
+/// How far the seams became edges.
+struct SeamFigures {
+  Index edges = 0;     ///< of quads, between two regions
+  Index on_seams = 0;  ///< of those, both ends lie on a seam
+};
+
+/// Moves the vertices at which two regions of quads meet onto the nearest seam, ends and branches of seams first, each
+/// only where no quad around becomes worse than `least` or than it was; vertices beside them give way. Every vertex
+/// stays on `mesh`, and `source` follows. \cost O(seam vertices · faces below a quad)
+[[nodiscard]] SeamFigures snap_to_seams(const TriangleMesh<double>& mesh, Regions& regions, double least,
+                                        QuadMesh& quads);
+
+}  // namespace quadrig::gltf
