@@ -84,6 +84,37 @@ TEMPLATE_TEST_CASE("solver: multigrid takes as many iterations on a large surfac
   CHECK(most <= 2.5 * fewest);
 }
 
+TEST_CASE("solver: multigrid keeps its levels in double where floats cannot hold them", "[solver]") {
+  Context context;
+  for (const auto& [pull, levels] :
+       {std::pair{1e-4, "multigrid, 3 levels"}, {1e-12, "multigrid, 3 levels in double"}}) {
+    const Index side = 100;
+    const RowTerm rows{"grid", [side, pull = pull](EmitRow<double> emit) {
+                         detail::LawNumbers<double> numbers(3);
+                         const std::array<double, 2> difference{1, -1};
+                         for (Index f = 0; f < side * side; ++f) {
+                           if (f % side + 1 < side)
+                             emit(Row<double>{std::array<Index, 2>{f, f + 1}, difference, numbers.number(), 1});
+                           if (f + side < side * side)
+                             emit(Row<double>{std::array<Index, 2>{f, f + side}, difference, numbers.number(), 1});
+                           emit(Row<double>{std::array<Index, 1>{f}, std::array<double, 1>{1}, numbers.number(), pull});
+                         }
+                       }};
+    QuadraticForm<double> form(side * side);
+    REQUIRE(form.assemble(rows).ok());
+    MultigridCg<double> solver;
+    REQUIRE(solver.factorize(form.matrix(), context).ok());
+    std::vector<double> x(at(side * side)), again(x.size());
+    for (const auto& each : {std::span(x), std::span(again)}) {
+      const SolveInfo info = solver.solve(form.rhs(), each, context);
+      REQUIRE(info.status.ok());
+      CHECK(info.residual < 1e-9);
+    }
+    CHECK(solver.description() == levels);
+    CHECK(x == again);
+  }
+}
+
 TEST_CASE("solver: the automatic choice is direct while the factor fits, and tells", "[solver]") {
   const Strip<Complex> strip(30, 30);
   const auto A = strip.form.matrix();

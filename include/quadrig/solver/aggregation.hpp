@@ -120,18 +120,23 @@ template <class K>
   return result;
 }
 
-template <class K>
-[[nodiscard]] SparseRows<K> product(const SparseRows<K>& A, const SparseRows<K>& B) {
+/// F B, where F has the pattern of A and the entries factor(row, entry).
+template <class K, class Factor>
+[[nodiscard]] SparseRows<K> product(const SparseRows<K>& A, const SparseRows<K>& B, Factor&& factor_of) {
   SparseRows<K> result;
   result.columns_count = B.columns_count;
   result.starts.reserve(A.starts.size());
+  std::size_t bound = 0;  // what is not written costs no memory
+  for (const Index k : A.columns) bound += B.starts[to_size(k) + 1] - B.starts[to_size(k)];
+  result.columns.reserve(bound);
+  result.values.reserve(bound);
   constexpr std::size_t absent = static_cast<std::size_t>(-1);
   std::vector<std::size_t> place(to_size(B.columns_count), absent);
   for (Index i = 0; i < A.size(); ++i) {
     const std::size_t begin = result.columns.size();
     for (std::size_t e = A.starts[to_size(i)]; e < A.starts[to_size(i) + 1]; ++e) {
       const std::size_t k = to_size(A.columns[e]);
-      const K factor = -A.values[e];
+      const K factor = -factor_of(to_size(i), e);
       for (std::size_t f = B.starts[k]; f < B.starts[k + 1]; ++f) {
         std::size_t& where = place[to_size(B.columns[f])];
         if (where == absent || where < begin) {
@@ -145,6 +150,11 @@ template <class K>
     result.starts.push_back(result.columns.size());
   }
   return result;
+}
+
+template <class K>
+[[nodiscard]] SparseRows<K> product(const SparseRows<K>& A, const SparseRows<K>& B) {
+  return product(A, B, [&](std::size_t, std::size_t e) { return A.values[e]; });
 }
 
 /// Groups of unknowns that are strongly joined, one column each; an unknown's entry is the phase that carries the
@@ -212,6 +222,25 @@ template <class K>
   return result;
 }
 
+/// In the numbers L, row i that of order[i], column j at position[j].
+template <class L, class K>
+[[nodiscard]] SparseRows<L> permuted(const SparseRows<K>& A, std::span<const Index> order,
+                                     std::span<const Index> position) {
+  SparseRows<L> result;
+  result.columns_count = A.columns_count;
+  result.starts.reserve(A.starts.size());
+  result.columns.reserve(A.columns.size());
+  result.values.reserve(A.values.size());
+  for (const Index i : order) {
+    for (std::size_t e = A.starts[to_size(i)]; e < A.starts[to_size(i) + 1]; ++e) {
+      result.columns.push_back(position[to_size(A.columns[e])]);
+      result.values.push_back(static_cast<L>(A.values[e]));
+    }
+    result.starts.push_back(result.columns.size());
+  }
+  return result;
+}
+
 /// (I − ω D⁻¹ A) T with ω = 4/3 over a bound of the spectrum of D⁻¹ A.
 template <class K>
 [[nodiscard]] SparseRows<K> smoothed(const SparseRows<K>& A, const SparseRows<K>& tentative) {
@@ -224,13 +253,10 @@ template <class K>
     bound = std::max(bound, sum / diagonal[i]);
   }
   const Real omega = Real(4) / (3 * bound);
-  SparseRows<K> iteration = A;
-  for (std::size_t i = 0; i < diagonal.size(); ++i)
-    for (std::size_t e = A.starts[i]; e < A.starts[i + 1]; ++e) {
-      iteration.values[e] *= -omega / diagonal[i];
-      if (A.columns[e] == static_cast<Index>(i)) iteration.values[e] += Real(1);
-    }
-  return product(iteration, tentative);
+  return product(A, tentative, [&](std::size_t i, std::size_t e) {
+    const K step = A.values[e] * (-omega / diagonal[i]);
+    return A.columns[e] == static_cast<Index>(i) ? step + Real(1) : step;
+  });
 }
 
 }  // namespace quadrig::detail

@@ -1,8 +1,7 @@
 // Our own iterative solver: conjugate gradients with a multigrid preconditioner, in linear memory and time.
 #pragma once
 
-#include "quadrig/solver/aggregation.hpp"
-#include "quadrig/solver/supernodal.hpp"
+#include "quadrig/solver/levels.hpp"
 
 namespace quadrig {
 
@@ -12,15 +11,18 @@ struct MultigridOptions {
   Index coarsest = 500;  ///< unknowns that are left to a direct solver
 };
 
-/// Conjugate gradients, preconditioned by one V-cycle of smoothed aggregation whose prolongation carries phases: an
+/// Conjugate gradients, preconditioned by one cycle of smoothed aggregation whose prolongation carries phases: an
 /// unknown is its neighbour's turned as the entry between them says, so that a field's transport, or a map's jumps,
-/// are those of the coarser levels too. Sums run in blocks of their own, so the bits do not depend on the threads.
-/// \cost factorize and each iteration O(nonzeros); on surfaces about 20 iterations at any size.
+/// are those of the coarser levels too. The levels are kept in single precision, which halves what an iteration reads;
+/// where a matrix is too ill-conditioned for that they are made again in double. Sums run in blocks of their own, so
+/// the bits do not depend on the threads.
+/// \cost factorize and each iteration O(nonzeros); on surfaces about 25 iterations at any size.
 /// Source: Vaněk, Mandel and Brezina 1996; the phases as in connection-aware multigrid on Laplacians of vector bundles.
 template <SparseScalar K>
 class MultigridCg {
  public:
   using Real = real_of<K>;
+  using Rough = std::conditional_t<std::is_same_v<K, Real>, float, std::complex<float>>;
 
   explicit MultigridCg(MultigridOptions options = {}) : options_(options) {}
 
@@ -46,8 +48,7 @@ class MultigridCg {
   /// positive definite, or an entry is not finite; cancelled.
   Status factorize(const HermitianView<K>& A, Context& context) {
     ready_ = false;
-    levels_.clear();
-    levels_.push_back({detail::full_rows(A), {}, {}, {}, {}, {}, {}});
+    exact_.reset();
     for (Index i = 0; i < A.size; ++i) {
       const auto begin = detail::to_size(A.column_starts[detail::to_size(i)]);
       const auto end = detail::to_size(A.column_starts[detail::to_size(i) + 1]);
@@ -58,35 +59,9 @@ class MultigridCg {
                    "solver multigrid, unknown " + std::to_string(i),
                    "every unknown needs a term, or a fixed value in its component"};
     }
-    while (levels_.back().matrix.size() > options_.coarsest && levels_.size() < 30) {
-      if (context.cancelled()) return cancelled_error("solver multigrid");
-      Level& fine = levels_.back();
-      const Index size = fine.matrix.size();
-      detail::SparseRows<K> tentative = detail::aggregate(fine.matrix, static_cast<int>(levels_.size()) - 1);
-      if (tentative.columns_count == 0 || tentative.columns_count > size * 9 / 10) break;
-      fine.prolong = detail::smoothed(fine.matrix, tentative);
-      fine.restrict_to = detail::adjoint(fine.prolong);
-      detail::SparseRows<K> coarse = detail::product(fine.restrict_to, detail::product(fine.matrix, fine.prolong));
-      levels_.push_back({std::move(coarse), {}, {}, {}, {}, {}, {}});
-    }
-    for (Level& level : levels_) {
-      level.diagonal = level.matrix.diagonal();
-      for (const Real each : level.diagonal)
-        if (!(each > 0) || !std::isfinite(each))
-          return Error{ErrorCode::numeric, "the matrix is not positive definite", "solver multigrid",
-                       "every unknown needs a term, or a fixed value in its component"};
-    }
-    const HermitianMatrix<K> last = detail::lower_columns(levels_.back().matrix);
-    coarsest_ = SupernodalCholesky<K>();
-    Context own;
-    own.threads = 1;
-    if (Status status = coarsest_.analyze(last.view(), {}, own); !status.ok()) return status;
-    if (Status status = coarsest_.factorize(last.view(), own); !status.ok()) {
-      Error error = status.error();
-      error.where = levels_.size() == 1 ? "solver multigrid" + error.where.substr(error.where.find(','))
-                                        : std::string("solver multigrid, coarsest level");
-      return error;
-    }
+    const detail::SparseRows<K> full = detail::full_rows(A);
+    if (Status status = rough_.build(full, options_.coarsest, true, context); !status.ok()) return status;
+    matrix_ = detail::BlockedRows<K>(full, rough_.order());
     ready_ = true;
     return {};
   }
@@ -94,169 +69,110 @@ class MultigridCg {
   /// From x = 0. \fails numeric where a direction of no curvature shows that the matrix is not positive definite, or
   /// where the iteration does not end; cancelled.
   SolveInfo solve(std::span<const K> b, std::span<K> x, Context& context) {
-    const auto fail = [](std::string what, std::string remedy) {
-      return SolveInfo{.status = Error{ErrorCode::numeric, std::move(what), "solver multigrid", std::move(remedy)}};
-    };
-    if (!ready_) return fail("solve without a successful factorization", {});
-    const detail::SparseRows<K>& A = levels_.front().matrix;
-    const std::size_t n = x.size();
-    std::vector<K> r(b.begin(), b.end()), z(n), p(n), q(n);
-    std::fill(x.begin(), x.end(), K{});
-    const Real tolerance = std::max(static_cast<Real>(options_.tolerance), 16 * std::numeric_limits<Real>::epsilon());
-    const Real scale = std::sqrt(std::real(dot(r, r, context)));
-    if (!std::isfinite(scale)) return fail("the right-hand side is not finite", "check the right-hand side");
-    SolveInfo info;
-    info.residual = 0;
-    if (scale == 0) return info;
-    Real rho = 0;
-    for (Index iteration = 0;; ++iteration) {
-      const Real size = std::sqrt(std::real(dot(r, r, context)));
-      if (!(size > tolerance * scale)) {
-        if (!std::isfinite(size)) return fail("the iteration is not finite", "check the matrix");
-        break;
-      }
-      if (iteration >= options_.max_iterations)
-        return fail("no convergence after " + std::to_string(iteration) + " iterations, residual " +
-                        std::to_string(static_cast<double>(size / scale)),
-                    "use a direct solver");
-      if (context.cancelled()) return {.status = cancelled_error("solver multigrid")};
-      cycle(0, r, z, context);
-      const Real next = std::real(dot(r, z, context));
-      if (!(next > 0))
-        return fail("the matrix is not positive definite", "use a direct solver, which names an unknown");
-      const Real beta = iteration == 0 ? Real(0) : next / rho;
-      rho = next;
-      blocks(n, context, [&](std::size_t begin, std::size_t end) {
-        for (std::size_t i = begin; i < end; ++i) p[i] = z[i] + beta * p[i];
-      });
-      A.multiply(p, q, context);
-      const Real curvature = std::real(dot(p, q, context));
-      if (!(curvature > 0))
-        return fail("the matrix is not positive definite", "use a direct solver, which names an unknown");
-      const Real step = rho / curvature;
-      blocks(n, context, [&](std::size_t begin, std::size_t end) {
-        for (std::size_t i = begin; i < end; ++i) {
-          x[i] += step * p[i];
-          r[i] -= step * q[i];
+    if (!ready_)
+      return {.status = Error{ErrorCode::numeric, "solve without a successful factorization", "solver multigrid", {}}};
+    if constexpr (!std::is_same_v<K, Rough>) {
+      if (!exact_) {
+        constexpr Index patience = 100;
+        SolveInfo info = iterate(rough_, b, x, std::min(patience, options_.max_iterations), context);
+        if (info.status.ok() || info.status.error().code != ErrorCode::numeric || definite_failure_) return info;
+        exact_.emplace();
+        if (Status status = exact_->build(matrix_.rows(), options_.coarsest, false, context); !status.ok()) {
+          exact_.reset();
+          return {.status = status};
         }
-      });
-      info.iterations = iteration + 1;
+      }
+      return iterate(*exact_, b, x, options_.max_iterations, context);
+    } else {
+      return iterate(rough_, b, x, options_.max_iterations, context);
     }
-    A.multiply(x, q, context);
-    for (std::size_t i = 0; i < n; ++i) r[i] = b[i] - q[i];
-    info.residual = static_cast<double>(std::sqrt(std::real(dot(r, r, context))) / scale);
-    if (!(info.residual < 1e3 * static_cast<double>(tolerance)))
-      return fail("the iteration lost its residual", "use a direct solver");
-    return info;
   }
 
   /// Nonzeros of all levels' matrices and prolongations. \pre factorize succeeded
-  [[nodiscard]] std::size_t stored_entries() const {
-    std::size_t total = 0;
-    for (const Level& level : levels_)
-      total += level.matrix.values.size() + level.prolong.values.size() + level.restrict_to.values.size();
-    return total;
-  }
+  [[nodiscard]] std::size_t stored_entries() const { return matrix_.entries() + rough_.entries(); }
   [[nodiscard]] std::string description() const {
-    return levels_.empty() ? std::string(name())
-                           : std::string(name()) + ", " + std::to_string(levels_.size()) + " levels";
+    if (rough_.count() == 0) return std::string(name());
+    return std::string(name()) + ", " + std::to_string(rough_.count()) + " levels" + (exact_ ? " in double" : "");
   }
 
  private:
-  static constexpr std::size_t block = 16384;  // rows that are smoothed one after the other
+  using Exact = detail::MultigridLevels<K, K>;
 
-  struct Level {
-    detail::SparseRows<K> matrix, prolong, restrict_to;
-    std::vector<Real> diagonal;
-    std::vector<K> residual, right, correction;  // right and correction are of the level below
-  };
-
-  // body(begin, end) over ranges made of whole blocks.
-  template <class Body>
-  static void blocks(std::size_t n, const Context& context, Body&& body) {
-    const std::size_t count = (n + block - 1) / block;
-    context.parallel_for(count, 2, [&](std::size_t first, std::size_t last) {
-      for (std::size_t k = first; k < last; ++k) body(k * block, std::min(n, (k + 1) * block));
-    });
-  }
-
-  static K dot(std::span<const K> a, std::span<const K> b, const Context& context) {
-    std::vector<K> part((a.size() + block - 1) / block);
-    blocks(a.size(), context, [&](std::size_t begin, std::size_t end) {
-      Real re = 0;
-      for (std::size_t i = begin; i < end; ++i)
-        re += std::real(a[i]) * std::real(b[i]) + std::imag(a[i]) * std::imag(b[i]);
-      part[begin / block] = K(re);
-    });
-    K sum{};
-    for (const K& each : part) sum += each;
-    return sum;
-  }
-
-  // x = one V-cycle on b from zero: Gauss–Seidel within blocks forward, then the coarser levels, then backward.
-  void cycle(std::size_t depth, std::span<const K> b, std::span<K> x, Context& context) {
-    Level& level = levels_[depth];
-    if (depth + 1 == levels_.size()) {
-      coarsest_.substitute(b, x);
-      return;
-    }
-    const detail::SparseRows<K>& A = level.matrix;
+  template <class Levels, class L = std::conditional_t<std::is_same_v<Levels, Exact>, K, Rough>>
+  SolveInfo iterate(Levels& levels, std::span<const K> b, std::span<K> x, Index limit, Context& context) {
+    definite_failure_ = false;
+    const auto fail = [&](std::string what, std::string remedy, bool definite) {
+      definite_failure_ = definite;
+      return SolveInfo{.status = Error{ErrorCode::numeric, std::move(what), "solver multigrid", std::move(remedy)}};
+    };
+    const auto indefinite = [&](bool definite) {
+      return fail("the matrix is not positive definite", "use a direct solver, which names an unknown", definite);
+    };
     const std::size_t n = x.size();
-    blocks(n, context, [&](std::size_t begin, std::size_t end) {
-      const auto first = static_cast<Index>(begin);
-      for (std::size_t i = begin; i < end; ++i) {
-        K sum = b[i];
-        for (std::size_t e = A.starts[i]; e < A.starts[i + 1]; ++e) {
-          const Index j = A.columns[e];
-          if (j >= first && j < static_cast<Index>(i))
-            detail::subtract_product(sum, A.values[e], x[detail::to_size(j)]);
+    const std::vector<Index>& order = rough_.order();
+    std::vector<K> right_hand(n), solution(n), q(n);
+    for (std::size_t i = 0; i < n; ++i) right_hand[i] = b[detail::to_size(order[i])];
+    std::vector<K> r = right_hand;
+    std::vector<L> right(n), z(n), p(n);  // r over its size, what the levels make of it, the direction
+    std::fill(x.begin(), x.end(), K{});
+    const auto square = [&](std::span<const K> v) {
+      return matrix_.sum_of_blocks(context, [&](std::size_t, std::size_t begin, std::size_t end) {
+        double sum = 0;
+        for (std::size_t i = begin; i < end; ++i) sum += detail::BlockedRows<K>::product(v[i], v[i]);
+        return sum;
+      });
+    };
+    const double tolerance = std::max(options_.tolerance, 16.0 * std::numeric_limits<Real>::epsilon());
+    const double scale = std::sqrt(square(r));
+    if (!std::isfinite(scale)) return fail("the right-hand side is not finite", "check the right-hand side", true);
+    SolveInfo info;
+    info.residual = 0;
+    if (scale == 0) return info;
+    const auto rough = [&](std::size_t i, double factor) {
+      right[i] = static_cast<L>(static_cast<Real>(factor) * r[i]);
+    };
+    for (std::size_t i = 0; i < n; ++i) rough(i, 1 / scale);
+    double size = scale, unit = scale, rho = 0;  // r is `unit` times `right`; so are the direction and its product
+    for (double before = scale; size > tolerance * scale; ++info.iterations) {
+      if (info.iterations >= limit)
+        return fail(
+            "no convergence after " + std::to_string(limit) + " iterations, residual " + std::to_string(size / scale),
+            "use a direct solver", false);
+      if (context.cancelled()) return {.status = cancelled_error("solver multigrid")};
+      const double next = levels.cycle(right, z, context);
+      if (!(next > 0)) return indefinite(false);
+      const double beta = info.iterations == 0 ? 0 : next / rho * (unit / before);
+      rho = next;
+      before = unit;
+      const double curvature = matrix_.template renew_and_multiply<L>(z, static_cast<real_of<L>>(beta), p, q, context);
+      if (!(curvature > 0)) return indefinite(!std::isnan(curvature));
+      const auto step = static_cast<Real>(rho / curvature * unit);
+      unit = size;
+      size = std::sqrt(matrix_.sum_of_blocks(context, [&](std::size_t, std::size_t begin, std::size_t end) {
+        double sum = 0;
+        for (std::size_t i = begin; i < end; ++i) {
+          solution[i] += step * static_cast<K>(p[i]);
+          r[i] -= step * q[i];
+          rough(i, 1 / unit);
+          sum += detail::BlockedRows<K>::product(r[i], r[i]);
         }
-        x[i] = sum / level.diagonal[i];
-      }
-    });
-    level.residual.resize(n);
-    level.right.resize(detail::to_size(levels_[depth + 1].matrix.size()));
-    level.correction.resize(level.right.size());
-    blocks(n, context, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) {
-        K sum = b[i];
-        for (std::size_t e = A.starts[i]; e < A.starts[i + 1]; ++e)
-          detail::subtract_product(sum, A.values[e], x[detail::to_size(A.columns[e])]);
-        level.residual[i] = sum;
-      }
-    });
-    level.restrict_to.multiply(level.residual, level.right, context);
-    cycle(depth + 1, level.right, level.correction, context);
-    const detail::SparseRows<K>& P = level.prolong;
-    std::vector<K>& before = level.residual;
-    blocks(n, context, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t i = begin; i < end; ++i) {
-        K sum{};
-        for (std::size_t e = P.starts[i]; e < P.starts[i + 1]; ++e)
-          detail::subtract_product(sum, P.values[e], level.correction[detail::to_size(P.columns[e])]);
-        x[i] -= sum;
-        before[i] = x[i];
-      }
-    });
-    blocks(n, context, [&](std::size_t begin, std::size_t end) {
-      const auto first = static_cast<Index>(begin), last = static_cast<Index>(end);
-      for (std::size_t i = end; i-- > begin;) {
-        K sum = b[i];
-        for (std::size_t e = A.starts[i]; e < A.starts[i + 1]; ++e) {
-          const Index j = A.columns[e];
-          if (j == static_cast<Index>(i)) continue;
-          detail::subtract_product(sum, A.values[e],
-                                   (j >= first && j < last ? x : std::span<K>(before))[detail::to_size(j)]);
-        }
-        x[i] = sum / level.diagonal[i];
-      }
-    });
+        return sum;
+      }));
+      if (!std::isfinite(size)) return fail("the iteration is not finite", "check the matrix", false);
+    }
+    matrix_.residual(right_hand, solution, r, context);
+    for (std::size_t i = 0; i < n; ++i) x[detail::to_size(order[i])] = solution[i];
+    info.residual = std::sqrt(square(r)) / scale;
+    if (!(info.residual < 1e3 * tolerance))
+      return fail("the iteration lost its residual", "use a direct solver", false);
+    return info;
   }
 
   MultigridOptions options_;
-  std::vector<Level> levels_;
-  SupernodalCholesky<K> coarsest_;
-  bool ready_ = false;
+  detail::BlockedRows<K> matrix_;
+  detail::MultigridLevels<K, Rough> rough_;
+  std::optional<Exact> exact_;  // where single precision is not enough
+  bool ready_ = false, definite_failure_ = false;
 };
 
 }  // namespace quadrig

@@ -1,0 +1,153 @@
+// The levels of multigrid and one cycle over them, in a precision of their own.
+#pragma once
+
+#include "quadrig/solver/blocked.hpp"
+#include "quadrig/solver/supernodal.hpp"
+
+namespace quadrig::detail {
+
+/// Smoothed aggregation made in the numbers K and kept in the numbers L, which may be shorter: what a preconditioner
+/// reads at every iteration is half as much then.
+template <class K, class L>
+class MultigridLevels {
+ public:
+  /// `reorder`: unknowns that fall into one of the coarser levels stand together in `order()`, so that what a block of
+  /// rows reads is near; else they stay as they are.
+  /// \fails numeric where a diagonal entry, or the coarsest matrix, shows that the matrix is not positive definite;
+  ///   cancelled.
+  Status build(SparseRows<K> matrix, Index coarsest, bool reorder, Context& context) {
+    levels_.clear();
+    const auto indefinite = [] {
+      return Error{ErrorCode::numeric, "the matrix is not positive definite", "solver multigrid",
+                   "every unknown needs a term, or a fixed value in its component"};
+    };
+    struct Made {
+      SparseRows<K> matrix, prolong;
+      std::vector<Index> group;
+    };
+    std::vector<Made> made;
+    real_of<K> largest = 0;
+    for (;;) {
+      if (context.cancelled()) return cancelled_error("solver multigrid");
+      for (const real_of<K> each : matrix.diagonal()) {
+        if (!(each > 0) || !std::isfinite(each)) return indefinite();
+        if (made.empty()) largest = std::max(largest, each);
+      }
+      made.push_back({std::move(matrix), {}, {}});
+      Made& fine = made.back();
+      if (fine.matrix.size() <= coarsest || made.size() >= 30) break;
+      SparseRows<K> tentative = aggregate(fine.matrix, static_cast<int>(made.size()) - 1);
+      if (tentative.columns_count == 0 || tentative.columns_count > fine.matrix.size() / 10 * 9) break;
+      fine.prolong = smoothed(fine.matrix, tentative);
+      matrix = product(adjoint(fine.prolong), product(fine.matrix, fine.prolong));
+      fine.group.resize(to_size(fine.matrix.size()), no_index);
+      for (std::size_t i = 0; i < fine.group.size(); ++i)
+        if (tentative.starts[i] < tentative.starts[i + 1]) fine.group[i] = tentative.columns[tentative.starts[i]];
+    }
+    const HermitianMatrix<K> last = lower_columns(made.back().matrix);
+    coarsest_ = SupernodalCholesky<K>();
+    Context own;
+    own.threads = 1;
+    if (Status status = coarsest_.analyze(last.view(), {}, own); !status.ok()) return status;
+    if (Status status = coarsest_.factorize(last.view(), own); !status.ok()) {
+      Error error = status.error();
+      error.where = made.size() == 1 ? "solver multigrid" + error.where.substr(error.where.find(','))
+                                     : std::string("solver multigrid, coarsest level");
+      return error;
+    }
+
+    // From the coarsest up: each level in the order of the one below it, and what that order makes of it.
+    factor_ = std::is_same_v<K, L> ? real_of<K>(1) : 1 / largest;  // within what L can hold
+    levels_.resize(made.size());
+    std::vector<Index> below;
+    for (std::size_t depth = made.size(); depth-- > 0; below = order_) {
+      Made& from = made[depth];
+      Level& level = levels_[depth];
+      order_.resize(to_size(from.matrix.size()));
+      for (std::size_t i = 0; i < order_.size(); ++i) order_[i] = static_cast<Index>(i);
+      const bool finer = depth + 1 < made.size();
+      std::vector<Index> position(below.size());
+      for (std::size_t i = 0; i < below.size(); ++i) position[to_size(below[i])] = static_cast<Index>(i);
+      if (reorder && finer) order_ = by_group(from.group, position);
+      level.matrix = BlockedRows<L>(from.matrix, order_, factor_);
+      if (finer) {
+        level.prolong = permuted<L>(from.prolong, order_, position);
+        level.restrict_to = adjoint(level.prolong);
+        level.residual.resize(order_.size());
+        for (std::vector<L>* each : {&level.right, &level.correction, &level.rest, &level.more})
+          each->resize(below.size());
+      }
+      from = {};
+    }
+    return {};
+  }
+
+  /// The unknown at each place of `cycle`'s vectors.
+  [[nodiscard]] const std::vector<Index>& order() const { return order_; }
+
+  /// x = one cycle on b from zero; returns b · x. \pre build succeeded
+  double cycle(std::span<const L> b, std::span<L> x, Context& context) { return cycle(0, b, x, context); }
+
+  [[nodiscard]] std::size_t count() const { return levels_.size(); }
+  /// Entries of all levels' matrices, prolongations and restrictions.
+  [[nodiscard]] std::size_t entries() const {
+    std::size_t total = 0;
+    for (const Level& level : levels_)
+      total += level.matrix.entries() + level.prolong.values.size() + level.restrict_to.values.size();
+    return total;
+  }
+
+ private:
+  // Groups in their order, those of none last.
+  static std::vector<Index> by_group(std::span<const Index> group, std::span<const Index> position) {
+    std::vector<std::size_t> next(position.size() + 2, 0);
+    const auto place = [&](Index g) { return g == no_index ? position.size() : to_size(position[to_size(g)]); };
+    for (const Index g : group) ++next[place(g) + 1];
+    for (std::size_t k = 0; k + 1 < next.size(); ++k) next[k + 1] += next[k];
+    std::vector<Index> order(group.size());
+    for (std::size_t i = 0; i < group.size(); ++i) order[next[place(group[i])]++] = static_cast<Index>(i);
+    return order;
+  }
+
+  struct Level {
+    BlockedRows<L> matrix;
+    SparseRows<L> prolong, restrict_to;
+    std::vector<L> residual, right, correction, rest, more;  // all but the first are of the level below
+  };
+
+  // Gauss–Seidel within blocks upwards, then the coarser levels, then downwards. Levels that are small beside the one
+  // above them are visited twice, which costs little and bounds the iterations.
+  double cycle(std::size_t depth, std::span<const L> b, std::span<L> x, Context& context) {
+    Level& level = levels_[depth];
+    if (depth + 1 == levels_.size()) {
+      if constexpr (std::is_same_v<K, L>) {
+        coarsest_.substitute(b, x);
+      } else {
+        const std::vector<K> wide(b.begin(), b.end());
+        std::vector<K> solution(wide.size());
+        coarsest_.substitute(wide, solution);
+        for (std::size_t i = 0; i < x.size(); ++i) x[i] = static_cast<L>(solution[i] / factor_);
+      }
+      double sum = 0;
+      for (std::size_t i = 0; i < x.size(); ++i) sum += BlockedRows<L>::product(b[i], x[i]);
+      return sum;
+    }
+    level.matrix.smooth_upwards(b, x, level.residual, context);
+    level.restrict_to.multiply(level.residual, level.right, context);
+    cycle(depth + 1, level.right, level.correction, context);
+    BlockedRows<L>& below = levels_[depth + 1].matrix;
+    if (depth + 2 < levels_.size() && 2 * below.entries() <= level.matrix.entries()) {
+      below.residual(level.right, level.correction, level.rest, context);
+      cycle(depth + 1, level.rest, level.more, context);
+      for (std::size_t i = 0; i < level.more.size(); ++i) level.correction[i] += level.more[i];
+    }
+    return level.matrix.correct_and_smooth_downwards(level.prolong, level.correction, b, x, context);
+  }
+
+  std::vector<Level> levels_;
+  SupernodalCholesky<K> coarsest_;
+  std::vector<Index> order_;
+  real_of<K> factor_ = 1;  // of the matrices of all levels
+};
+
+}  // namespace quadrig::detail
