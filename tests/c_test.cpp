@@ -194,3 +194,49 @@ TEST_CASE("c: a glTF file goes from memory to memory", "[c][gltf][fast]") {
   quadrig_bytes* made = nullptr;
   CHECK(quadrig_remesh_gltf(job.get(), "glTF", 4, nullptr, nullptr, &made) == quadrig_bad_input);
 }
+
+TEST_CASE("c: a memory limit is kept by refusing, with the number", "[c][gltf][fast]") {
+  const std::string file = tube_file();
+  const Handle<quadrig_job> job(quadrig_job_create());
+  const auto remeshed = [&](std::uint64_t limit, std::uint32_t quads) {
+    quadrig_job_set_memory_limit(job.get(), limit);
+    const quadrig_options options = options_for(quads);
+    quadrig_bytes* bytes = nullptr;
+    const quadrig_status status =
+        quadrig_remesh_gltf(job.get(), file.data(), file.size(), "tube.glb", &options, &bytes);
+    const Handle<quadrig_bytes> made(bytes);
+    CHECK((made != nullptr) == (status == quadrig_ok));
+    return status;
+  };
+  CHECK(remeshed(0, 200) == quadrig_ok);
+  CHECK(remeshed(100'000'000, 200) == quadrig_ok);
+  CHECK(remeshed(100'000'000, 100'000) == quadrig_out_of_memory);
+  CHECK(message_of(job).find("limit of 100 MB; ask for fewer quads") != std::string::npos);
+  CHECK(remeshed(20'000'000, 200) == quadrig_out_of_memory);
+  CHECK(remeshed(4 * file.size() - 8, 200) == quadrig_out_of_memory);  // the file alone is too large
+
+  const double positions[] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1};
+  const std::uint32_t triangles[] = {0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3};
+  quadrig_mesh mesh;
+  quadrig_mesh_init(&mesh, sizeof mesh);
+  mesh.positions = positions;
+  mesh.vertex_count = 4;
+  mesh.triangles = triangles;
+  mesh.triangle_count = 4;
+  const auto created = [&](std::uint64_t limit) {
+    quadrig_job_set_memory_limit(job.get(), limit);
+    quadrig_asset* asset = nullptr;
+    const quadrig_status status = quadrig_asset_create(job.get(), &mesh, &asset);
+    return std::pair{status, Handle<quadrig_asset>(asset)};
+  };
+  CHECK(created(1'000'000).first == quadrig_out_of_memory);
+  const auto [status, asset] = created(10'000'000);
+  REQUIRE(status == quadrig_ok);
+  const quadrig_options options = options_for(50);
+  quadrig_quads* quads = nullptr;
+  CHECK(quadrig_remesh(job.get(), asset.get(), &options, &quads) == quadrig_out_of_memory);
+  CHECK(quads == nullptr);
+  quadrig_job_set_memory_limit(job.get(), 200'000'000);
+  CHECK(quadrig_remesh(job.get(), asset.get(), &options, &quads) == quadrig_ok);
+  quadrig_quads_destroy(quads);
+}

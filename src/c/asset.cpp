@@ -1,5 +1,5 @@
 // Surfaces and rigs from the caller's arrays, and from files.
-#include "job.hpp"
+#include "memory.hpp"
 #include "quadrig/io.hpp"
 
 using namespace quadrig;
@@ -78,10 +78,13 @@ Expected<VertexWeights> read_weights(const quadrig_mesh& mesh) {
   return weights;
 }
 
-Expected<quadrig_status> create(const quadrig_mesh* given, quadrig_asset** out, Context& context) {
+Expected<quadrig_status> create(quadrig_job* job, const quadrig_mesh* given, quadrig_asset** out, Context& context) {
   if (!given) return c::null_argument("mesh");
   const Expected<quadrig_mesh> mesh = c::known_part(given, quadrig_mesh{}, "mesh");
   if (!mesh) return mesh.error();
+  const double bytes =
+      c::prepare_bytes(static_cast<double>(mesh->triangle_count), static_cast<double>(mesh->influences));
+  if (const quadrig_status fits = c::within_limit(job, bytes, "give fewer triangles, or raise the limit")) return fits;
   Expected<Points<double>> positions = read_positions(*mesh);
   if (!positions) return positions.error();
   Expected<Triangles> triangles = read_triangles(*mesh);
@@ -120,7 +123,7 @@ quadrig_status quadrig_asset_create(quadrig_job* job, const quadrig_mesh* mesh, 
   if (asset) *asset = nullptr;
   return c::guarded(job, [&](Context& context) -> Expected<quadrig_status> {
     if (!asset) return c::null_argument("asset");
-    return create(mesh, asset, context);
+    return create(job, mesh, asset, context);
   });
 }
 
@@ -134,7 +137,9 @@ quadrig_status quadrig_asset_load(quadrig_job* job, const char* mesh, const char
     AssetFiles files;
     files.mesh = mesh;
     if (rig) files.rig = rig, files.weights = weights;
-    Expected<LoadedAsset> loaded = load_asset(files, {}, context);
+    LoadOptions options;
+    if (job->memory_limit > 0) options.limits.bytes = std::min(options.limits.bytes, c::file_bytes(job));
+    Expected<LoadedAsset> loaded = load_asset(files, options, context);
     if (!loaded) return loaded.error();
     *asset = new quadrig_asset{
         std::make_shared<const Asset>(std::move(loaded->asset)), std::move(loaded->source_polygon), {}, {}};

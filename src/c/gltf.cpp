@@ -1,6 +1,6 @@
 // glTF in memory and in files.
 #include "quadrig/gltf.hpp"
-#include "job.hpp"
+#include "memory.hpp"
 
 using namespace quadrig;
 
@@ -10,8 +10,17 @@ struct quadrig_bytes {
 
 namespace {
 
+GltfLimits limits_of(const quadrig_job* job) {
+  GltfLimits limits;
+  if (job->memory_limit == 0) return limits;
+  limits.bytes = std::min(limits.bytes, c::file_bytes(job));
+  limits.values = std::min(limits.values, c::file_bytes(job) / sizeof(double));
+  return limits;
+}
+
 /// Edits the document. \return quadrig_ok or quadrig_done_in_part
-Expected<quadrig_status> remesh_document(GltfDocument& document, const quadrig_options* given, Context& context) {
+Expected<quadrig_status> remesh_document(quadrig_job* job, GltfDocument& document, const quadrig_options* given,
+                                         Context& context) {
   const Expected<quadrig_options> options = c::read_options(given);
   if (!options) return options.error();
   const Expected<RemeshOptions> remesh = c::remesh_options(*options);
@@ -25,6 +34,19 @@ Expected<quadrig_status> remesh_document(GltfDocument& document, const quadrig_o
   for (std::uint32_t i = 0; i < options->select_count; ++i) {
     if (!options->select || !options->select[i]) return c::null_argument("options.select");
     own.selection.names.emplace_back(options->select[i]);
+  }
+  if (job->memory_limit > 0) {
+    Context quiet;
+    quiet.cancel_flag = context.cancel_flag;
+    const Expected<std::vector<GltfSurface>> surfaces =
+        gltf_surfaces(document, own.prepare, {.enabled = false}, quiet, own.selection);
+    double triangles = 0, bones = 0;
+    for (const GltfSurface& one : surfaces ? *surfaces : std::vector<GltfSurface>()) {
+      triangles += one.asset.mesh.face_count();
+      if (one.asset.rig) bones = std::max<double>(bones, one.asset.rig->skeleton.bone_count());
+    }
+    const double bytes = c::remesh_bytes(triangles, bones, own.remesh.quads);
+    if (const quadrig_status fits = c::within_limit(job, bytes, "ask for fewer quads, or raise the limit")) return fits;
   }
   const Expected<std::vector<GltfRemeshed>> all = remesh_gltf(document, own, context);
   if (!all) return all.error();
@@ -47,11 +69,12 @@ quadrig_status quadrig_remesh_gltf(quadrig_job* job, const void* data, size_t si
   return c::guarded(job, [&](Context& context) -> Expected<quadrig_status> {
     if (!data) return c::null_argument("data");
     if (!glb) return c::null_argument("glb");
-    Expected<GltfDocument> document =
-        GltfDocument::parse(std::string(static_cast<const char*>(data), size), name ? name : "memory.glb", {}, context);
+    if (const quadrig_status fits = c::within_limit(job, 4 * static_cast<double>(size), "raise the limit")) return fits;
+    Expected<GltfDocument> document = GltfDocument::parse(std::string(static_cast<const char*>(data), size),
+                                                          name ? name : "memory.glb", limits_of(job), context);
     if (!document) return document.error();
-    const Expected<quadrig_status> done = remesh_document(*document, options, context);
-    if (!done) return done;
+    const Expected<quadrig_status> done = remesh_document(job, *document, options, context);
+    if (!done || *done == quadrig_out_of_memory) return done;
     Expected<std::string> bytes = document->glb();
     if (!bytes) return bytes.error();
     *glb = new quadrig_bytes{std::move(*bytes)};
@@ -65,10 +88,10 @@ quadrig_status quadrig_remesh_gltf_file(quadrig_job* job, const char* input, con
     if (!input) return c::null_argument("input");
     if (!output) return c::null_argument("output");
     if (const Expected<GltfContainer> wanted = gltf_container(output); !wanted) return wanted.error();
-    Expected<GltfDocument> document = GltfDocument::read(input, {}, context);
+    Expected<GltfDocument> document = GltfDocument::read(input, limits_of(job), context);
     if (!document) return document.error();
-    const Expected<quadrig_status> done = remesh_document(*document, options, context);
-    if (!done) return done;
+    const Expected<quadrig_status> done = remesh_document(job, *document, options, context);
+    if (!done || *done == quadrig_out_of_memory) return done;
     FileSet files;
     if (Status status = document->add_to(files, output, context); !status) return status.error();
     if (Status status = files.commit(); !status) return status.error();

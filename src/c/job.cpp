@@ -96,6 +96,9 @@ void quadrig_job_destroy(quadrig_job* job) { delete job; }
 void quadrig_job_set_threads(quadrig_job* job, uint32_t threads) {
   if (job) job->threads = threads;
 }
+void quadrig_job_set_memory_limit(quadrig_job* job, uint64_t bytes) {
+  if (job) job->memory_limit = bytes;
+}
 void quadrig_job_set_progress(quadrig_job* job, quadrig_progress progress, void* user) {
   if (!job) return;
   job->progress = progress;

@@ -11,6 +11,7 @@
 struct quadrig_job {
   std::atomic<bool> cancel = false;
   std::uint32_t threads = 0;
+  std::uint64_t memory_limit = 0;
   quadrig_progress progress = nullptr;
   void* user = nullptr;
   std::string message;

@@ -1,5 +1,5 @@
 // Remeshing, and the quads into the caller's arrays.
-#include "job.hpp"
+#include "memory.hpp"
 #include "quadrig/closest.hpp"
 
 using namespace quadrig;
@@ -51,6 +51,9 @@ quadrig_status quadrig_remesh(quadrig_job* job, const quadrig_asset* asset, cons
     if (!own) return own.error();
     const Expected<RemeshOptions> wanted = c::remesh_options(*own);
     if (!wanted) return wanted.error();
+    const double bones = asset->asset->rig ? asset->asset->rig->skeleton.bone_count() : 0;
+    const double bytes = c::remesh_bytes(asset->asset->mesh.face_count(), bones, wanted->quads);
+    if (const quadrig_status fits = c::within_limit(job, bytes, "ask for fewer quads, or raise the limit")) return fits;
     Expected<RemeshResult> result = remesh(*asset->asset, *wanted, context);
     if (!result) return result.error();
     auto made = std::make_unique<quadrig_quads>();
