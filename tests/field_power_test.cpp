@@ -155,6 +155,34 @@ TEST_CASE("field solver: an update of weights is a whole solution, bit for bit, 
   }
 }
 
+TEST_CASE("field solver: both systems side by side, the same bits at any number of threads", "[field]") {
+  const Asset asset = test::limbed_asset(4, false);
+  const auto m = static_cast<std::size_t>(asset.mesh.face_count());
+  const Connection<double> connection(asset.mesh);
+  const std::vector<double> smoothness = dirichlet_weights(asset.mesh), weight(m, 1e-3), shrink(m, 0.5);
+  const std::vector<Complex> target(m, Complex(1));
+  for (const std::string_view backend : {"supernodal/dissection", "supernodal/minimum-degree", "multigrid", "eigen"}) {
+    INFO(backend);
+    std::vector<std::vector<Complex>> first;
+    for (const unsigned threads : {1u, 2u, 3u, 8u}) {
+      Context context;
+      context.threads = threads;
+      auto solver = FieldSolver::create(asset.mesh, connection, solver_factory<Complex>(backend)).value();
+      const std::array<FieldSystem, 2> systems{
+          FieldSystem{.power = 4, .smoothness = smoothness, .target = target, .target_weight = weight},
+          FieldSystem{
+              .power = 2, .smoothness = smoothness, .target = target, .target_weight = weight, .shrink = shrink}};
+      auto solved = solver.minimize(systems, context);
+      REQUIRE(solved);
+      const auto updated = solver.update(1, target, shrink, context);
+      REQUIRE(updated);
+      solved->push_back(*updated);
+      if (threads == 1) first = *solved;
+      CHECK(*solved == first);
+    }
+  }
+}
+
 TEST_CASE("field solver: other fixed faces, the same solution as from the start", "[field]") {
   const Asset asset = test::limbed_asset(3, false);
   const auto m = static_cast<std::size_t>(asset.mesh.face_count());

@@ -280,6 +280,41 @@ TEMPLATE_TEST_CASE("solver: our own give the same bits at any number of threads"
     }
 }
 
+TEMPLATE_TEST_CASE("solver: several right-hand sides at once have the bits of one by one, at any number of threads",
+                   "[solver]", double, std::complex<float>) {
+  using K = TestType;
+  const Strip<K> strip(30, 40);
+  const auto A = strip.form.matrix();
+  constexpr Index count = 5;
+  detail::LawNumbers<K> numbers(17);
+  std::vector<K> b(at(A.size * count)), x(b.size()), wanted(b.size());
+  for (K& each : b) each = numbers.number();
+  for (const std::string_view name : solver_names()) {
+    if (!solver_built<K>(name)) continue;
+    INFO(name);
+    Context context;
+    auto solver = make_solver<K>(name).value();
+    REQUIRE(solver.analyze(A, {}, context).ok());
+    REQUIRE(solver.factorize(A, context).ok());
+    for (Index k = 0; k < count; ++k)
+      REQUIRE(solver
+                  .solve(std::span<const K>(b).subspan(at(k * A.size), at(A.size)),
+                         std::span<K>(wanted).subspan(at(k * A.size), at(A.size)), context)
+                  .status.ok());
+    for (const unsigned threads : {1u, 2u, 7u}) {
+      context.threads = threads;
+      std::fill(x.begin(), x.end(), K{});
+      const SolveInfo info = solver.solve_all(b, x, count, context);
+      REQUIRE(info.status.ok());
+      CHECK(info.residual < 1e4 * std::numeric_limits<real_of<K>>::epsilon());
+      CHECK(x == wanted);
+    }
+    b[at(3 * A.size)] = K(std::numeric_limits<real_of<K>>::quiet_NaN());
+    CHECK(!solver.solve_all(b, x, count, context).status.ok());
+    b[at(3 * A.size)] = K(1);
+  }
+}
+
 TEST_CASE("ordering: a permutation, the same at any number of threads, of any pattern", "[solver]") {
   const auto check = [](const HermitianView<double>& A) {
     Context one, many;

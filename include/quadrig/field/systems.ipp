@@ -136,15 +136,10 @@ Status BasicFieldSolver<Scalar>::analyze(Slot& slot, Context& context) {
     column_starts_.assign(A.column_starts.begin(), A.column_starts.end());
     rows_.assign(A.rows.begin(), A.rows.end());
   }
-  if (analyzed_->can_clone()) {
+  if (analyzed_->can_clone())
     slot.solver = analyzed_->clone();
-  } else {
-    auto fresh = factory_();
-    if (!fresh) return fresh.error();
-    slot.solver = std::move(*fresh);
-    if (Status status = slot.solver->analyze(A, {}, context); !status.ok()) return status;
-    ++report_.analyses;
-  }
+  else
+    slot.solver = std::exchange(analyzed_, std::nullopt);
   slot.version = slot.form.pattern_version();
   return {};
 }

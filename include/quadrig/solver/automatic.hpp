@@ -45,6 +45,12 @@ class AutomaticSolver {
   SolveInfo solve(std::span<const K> b, std::span<K> x, Context& context) {
     return iterative_ ? iterative_->solve(b, x, context) : direct_.solve(b, x, context);
   }
+  SolveInfo solve_all(std::span<const K> b, std::span<K> x, Index count, Context& context) {
+    if (!iterative_) return direct_.solve_all(b, x, count, context);
+    return detail::solve_each<K>(b, x, count, false, context, [&](auto right, auto solution, Context& own) {
+      return iterative_->solve(right, solution, own);
+    });
+  }
 
  private:
   AutomaticOptions options_;

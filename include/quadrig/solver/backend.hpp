@@ -1,6 +1,7 @@
 // The second extension point: what solves Hermitian positive definite systems. Knows no mesh.
 #pragma once
 
+#include <cmath>
 #include <concepts>
 #include <limits>
 #include <string_view>
@@ -31,6 +32,36 @@ concept SolverBackend = requires(S& solver, HermitianView<K> A, std::span<const 
   { solver.solve(b, x, context) } -> std::same_as<SolveInfo>;
 };
 
+namespace detail {
+
+/// Calls one(b, x, context) for each of several right-hand sides, side by side where `parallel` says so.
+template <class K, class One>
+SolveInfo solve_each(std::span<const K> b, std::span<K> x, Index count, bool parallel, Context& context, One&& one) {
+  const std::size_t n = count > 0 ? b.size() / static_cast<std::size_t>(count) : 0;
+  std::vector<SolveInfo> infos(static_cast<std::size_t>(std::max(count, Index{0})));
+  const auto work = [&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin; k < end; ++k) {
+      Context own;  // the caller's callbacks are for the caller's thread
+      own.cancel_flag = context.cancel_flag;
+      own.threads = parallel ? 1 : context.threads;
+      infos[k] = one(b.subspan(k * n, n), x.subspan(k * n, n), own);
+    }
+  };
+  if (parallel)
+    context.parallel_for(infos.size(), 1, work);
+  else
+    work(0, infos.size());
+  SolveInfo all;
+  for (const SolveInfo& info : infos) {
+    if (!info.status.ok()) return info;
+    all.residual = std::isnan(all.residual) ? info.residual : std::max(all.residual, info.residual);
+    all.iterations = std::max(all.iterations, info.iterations);
+  }
+  return all;
+}
+
+}  // namespace detail
+
 /// A backend of any type. Copies are deep where the backend can be copied, and then share nothing that a later call
 /// changes: analyze once, copy, and factorize different values of the same pattern side by side.
 template <SparseScalar K>
@@ -48,6 +79,12 @@ class AnySolver {
   }
   Status factorize(const HermitianView<K>& A, Context& context) { return model_->factorize(A, context); }
   SolveInfo solve(std::span<const K> b, std::span<K> x, Context& context) { return model_->solve(b, x, context); }
+  /// `count` right-hand sides at once, one after the other in b, their solutions in x: side by side where the backend
+  /// has a function of this name, else in turn. The bits are those of `solve`. Returns the first failure, or the
+  /// largest residual and number of iterations. \pre b and x hold `count` times as many numbers as there are unknowns
+  SolveInfo solve_all(std::span<const K> b, std::span<K> x, Index count, Context& context) {
+    return model_->solve_all(b, x, count, context);
+  }
 
   /// The order of the last analysis where the backend tells, by a function of this name, else empty.
   [[nodiscard]] std::span<const Index> elimination_order() const { return model_->elimination_order(); }
@@ -75,6 +112,7 @@ class AnySolver {
     virtual Status analyze(const HermitianView<K>&, std::span<const Index>, Context&) = 0;
     virtual Status factorize(const HermitianView<K>&, Context&) = 0;
     virtual SolveInfo solve(std::span<const K>, std::span<K>, Context&) = 0;
+    virtual SolveInfo solve_all(std::span<const K>, std::span<K>, Index, Context&) = 0;
     [[nodiscard]] virtual std::span<const Index> elimination_order() const = 0;
     [[nodiscard]] virtual std::string description() const = 0;
     [[nodiscard]] virtual bool can_clone() const = 0;
@@ -90,6 +128,16 @@ class AnySolver {
     Status factorize(const HermitianView<K>& A, Context& context) override { return solver.factorize(A, context); }
     SolveInfo solve(std::span<const K> b, std::span<K> x, Context& context) override {
       return solver.solve(b, x, context);
+    }
+    SolveInfo solve_all(std::span<const K> b, std::span<K> x, Index count, Context& context) override {
+      if constexpr (requires(S & s) {
+                      { s.solve_all(b, x, count, context) } -> std::same_as<SolveInfo>;
+                    })
+        return solver.solve_all(b, x, count, context);
+      else
+        return detail::solve_each<K>(b, x, count, false, context, [&](auto right, auto solution, Context& own) {
+          return solver.solve(right, solution, own);
+        });
     }
     std::span<const Index> elimination_order() const override {
       if constexpr (requires(const S& s) {

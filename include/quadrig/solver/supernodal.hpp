@@ -105,7 +105,7 @@ class SupernodalCholesky {
     return {};
   }
 
-  SolveInfo solve(std::span<const K> b, std::span<K> x, Context& context) {
+  SolveInfo solve(std::span<const K> b, std::span<K> x, Context& context) const {
     if (!factorized_)
       return {.status = Error{ErrorCode::numeric, "solve without a successful factorization", "solver supernodal", {}}};
     if (context.cancelled()) return {.status = cancelled_error("solver supernodal")};
@@ -117,6 +117,12 @@ class SupernodalCholesky {
       info.status =
           Error{ErrorCode::numeric, "the solution is not finite", "solver supernodal", "check the right-hand side"};
     return info;
+  }
+
+  /// Several right-hand sides side by side; see AnySolver.
+  SolveInfo solve_all(std::span<const K> b, std::span<K> x, Index count, Context& context) const {
+    return detail::solve_each<K>(b, x, count, true, context,
+                                 [&](auto right, auto solution, Context& own) { return solve(right, solution, own); });
   }
 
   /// A solve that measures nothing. \pre factorize succeeded

@@ -192,12 +192,20 @@ inline Status smooth_weights(const TriangleMesh<double>& mesh, double length, co
   Expected<AnySolver<double>> solver = make_solver<double>(solver_name);
   if (!solver) return solver.error();
   if (Status status = solver->prepare(form.matrix(), form.pattern_version(), context); !status) return status;
-  std::vector<double> rhs(static_cast<std::size_t>(mesh.vertex_count())), x(rhs.size());
-  for (Index b = 0; b < weights.cols(); ++b) {
+  // A few bones at a time, so that memory stays that of a few columns.
+  constexpr Index at_once = 8;
+  const auto n = static_cast<std::size_t>(mesh.vertex_count());
+  std::vector<double> rhs, x;
+  for (Index b = 0; b < weights.cols(); b += at_once) {
     if (context.cancelled()) return cancelled_error("bind");
-    for (std::size_t v = 0; v < rhs.size(); ++v) rhs[v] = std::max(area[v], least) * weights(static_cast<Index>(v), b);
-    if (const SolveInfo info = solver->solve(rhs, x, context); !info.status) return info.status;
-    for (std::size_t v = 0; v < x.size(); ++v) weights(static_cast<Index>(v), b) = std::clamp(x[v], 0.0, 1.0);
+    const Index count = std::min(at_once, static_cast<Index>(weights.cols()) - b);
+    rhs.resize(static_cast<std::size_t>(count) * n);
+    x.resize(rhs.size());
+    for (std::size_t k = 0; k < rhs.size(); ++k)
+      rhs[k] = std::max(area[k % n], least) * weights(static_cast<Index>(k % n), b + static_cast<Index>(k / n));
+    if (const SolveInfo info = solver->solve_all(rhs, x, count, context); !info.status) return info.status;
+    for (std::size_t k = 0; k < x.size(); ++k)
+      weights(static_cast<Index>(k % n), b + static_cast<Index>(k / n)) = std::clamp(x[k], 0.0, 1.0);
   }
   return {};
 }
