@@ -129,6 +129,28 @@ TEST_CASE("gltf: bind matrices are mended where the surface is too small to be r
   CHECK((*again)[1].repairs.bind_rows == 0);
 }
 
+TEST_CASE("gltf: joints that hang apart are given a root in the scene, and do not move", "[gltf]") {
+  GltfRemeshOptions options = asked(200);
+  options.pose_source = GltfPoses::clips;  // reads them
+  const Done done = remeshed({.loose = true}, options);
+  CHECK(done.surfaces[0].surface.repairs.loose_roots == 2);
+  CHECK(done.read_back[0].repairs.loose_roots == 0);
+  CHECK(part(done.json, "\"scenes\":", "]}") == "\"scenes\":[{\"nodes\":[0,3");
+  CHECK(done.json.find("{\"name\":\"joints\",\"children\":[1,2]}") != std::string::npos);
+  const Clip &before = done.surfaces[0].surface.asset.rig->clips[0], &after = done.read_back[0].asset.rig->clips[0];
+  REQUIRE(before.poses.size() > 10);
+  for (std::size_t k = 0; k < before.poses.size(); ++k)
+    for (std::size_t j = 0; j < 2; ++j) CHECK(before.poses[k][j].isApprox(after.poses[k][j]));
+
+  GltfRemeshOptions strict = asked(200);
+  strict.prepare.strict = true;
+  strict.prepare.weld = Weld::all;
+  Context context;
+  Expected<GltfDocument> document = GltfDocument::parse(tube_file({.loose = true}), "tube.glb", {}, context);
+  REQUIRE(document.has_value());
+  CHECK(!remesh_gltf(*document, strict, context).has_value());
+}
+
 TEST_CASE("gltf: a shell that cannot be remeshed stays among the quads of the others", "[gltf]") {
   GltfRemeshOptions options = asked(300);
   options.least_shell_quads = 0;

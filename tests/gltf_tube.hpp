@@ -21,6 +21,7 @@ struct Tube {
   bool needle = false;         ///< one more primitive: a triangle 5e7 times as long as it is high
   bool morph_normals = false;  ///< the morph target has normals
   bool tangents = false;       ///< vertices and the morph target have some, none of them right
+  bool loose = false;          ///< the upper joint is no child of the lower, and no scene has it
   bool coloured = false;       ///< the morph target changes texture coordinates, by height
 };
 
@@ -230,8 +231,9 @@ void put(std::string& bytes, T value) {
       "{\"asset\":{\"version\":\"2.0\",\"generator\":\"a test\"},\"scene\":0,\"scenes\":[{\"nodes\":[" + roots +
       "]}],"
       "\"nodes\":[{\"name\":\"body\",\"mesh\":0" +
-      (tube.skinned ? ",\"skin\":0" : "") +
-      "},{\"name\":\"lower\",\"children\":[2]},"
+      (tube.skinned ? ",\"skin\":0" : "") + "},{\"name\":\"lower\"" +
+      std::string(tube.loose ? "" : ",\"children\":[2]") +
+      "},"
       "{\"name\":\"upper\",\"translation\":[0,1.0,0]" +
       std::string(tube.cycle ? ",\"children\":[1]" : "") + "}" + more_nodes +
       "],\"meshes\":[{\"name\":\"tube\",\"primitives\":[" + primitives + "],\"weights\":[0.0]}" + more_meshes +

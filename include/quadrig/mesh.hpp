@@ -134,6 +134,35 @@ template <class Scalar>
   return result;
 }
 
+namespace detail {
+
+struct SortedSide {
+  Index low, high, halfedge;  ///< the edge's vertices, low ≤ high
+  [[nodiscard]] bool same_edge(const SortedSide& other) const { return low == other.low && high == other.high; }
+};
+
+/// The half-edges [0, count) in the order of their edges, each with the ends that `ends(h)` tells; those of one edge
+/// ascend. \pre ends in [0, vertices). \cost O(count) where few edges share a vertex
+template <class Ends>
+[[nodiscard]] std::vector<SortedSide> sorted_by_edge(Index vertices, Index count, Ends&& ends) {
+  std::vector<Index> begin(static_cast<std::size_t>(vertices) + 1, 0);
+  for (Index h = 0; h < count; ++h) ++begin[static_cast<std::size_t>(ends(h).low) + 1];
+  for (std::size_t v = 1; v < begin.size(); ++v) begin[v] += begin[v - 1];
+  std::vector<SortedSide> sides(static_cast<std::size_t>(count));
+  std::vector<Index> next = begin;
+  for (Index h = 0; h < count; ++h) {
+    const SortedSide side = ends(h);
+    sides[static_cast<std::size_t>(next[static_cast<std::size_t>(side.low)]++)] = side;
+  }
+  for (std::size_t v = 0; v + 1 < begin.size(); ++v)
+    std::sort(sides.begin() + begin[v], sides.begin() + begin[v + 1], [](const SortedSide& a, const SortedSide& b) {
+      return a.high != b.high ? a.high < b.high : a.halfedge < b.halfedge;
+    });
+  return sides;
+}
+
+}  // namespace detail
+
 template <class Scalar>
 Expected<TriangleMesh<Scalar>> TriangleMesh<Scalar>::create(Points<Scalar> positions, Triangles faces) {
   const auto fail = [](std::string what, std::string where) {
@@ -155,24 +184,20 @@ Expected<TriangleMesh<Scalar>> TriangleMesh<Scalar>::create(Points<Scalar> posit
   mesh.twins_.assign(static_cast<std::size_t>(3 * m), no_index);
   mesh.outgoing_.assign(static_cast<std::size_t>(n), no_index);
 
-  struct Side {
-    Index low, high, halfedge;
-  };
-  std::vector<Side> sides(static_cast<std::size_t>(3 * m));
-  for (Index h = 0; h < 3 * m; ++h) {
+  const auto ends = [&](Index h) {
     const Index a = mesh.origin(h), b = mesh.target(h);
-    sides[static_cast<std::size_t>(h)] = {std::min(a, b), std::max(a, b), h};
-  }
-  std::sort(sides.begin(), sides.end(), [](const Side& a, const Side& b) {
-    return std::array{a.low, a.high, a.halfedge} < std::array{b.low, b.high, b.halfedge};
-  });
+    return detail::SortedSide{std::min(a, b), std::max(a, b), h};
+  };
+  const std::vector<detail::SortedSide> sides = detail::sorted_by_edge(n, 3 * m, ends);
   for (std::size_t first = 0, last = 0; first < sides.size(); first = last) {
-    while (last < sides.size() && sides[last].low == sides[first].low && sides[last].high == sides[first].high) ++last;
-    const std::string place = "edge " + std::to_string(sides[first].low) + " - " + std::to_string(sides[first].high);
-    if (last - first > 2) return fail("edge has more than two faces", place);
+    while (last < sides.size() && sides[last].same_edge(sides[first])) ++last;
+    const auto place = [&] {
+      return "edge " + std::to_string(sides[first].low) + " - " + std::to_string(sides[first].high);
+    };
+    if (last - first > 2) return fail("edge has more than two faces", place());
     if (last - first == 2) {
       const Index h = sides[first].halfedge, g = sides[first + 1].halfedge;
-      if (mesh.origin(h) == mesh.origin(g)) return fail("neighbouring faces are oriented differently", place);
+      if (mesh.origin(h) == mesh.origin(g)) return fail("neighbouring faces are oriented differently", place());
       mesh.twins_[static_cast<std::size_t>(h)] = g;
       mesh.twins_[static_cast<std::size_t>(g)] = h;
       ++mesh.interior_edges_;

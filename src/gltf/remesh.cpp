@@ -4,6 +4,7 @@
 
 #include "primitives.hpp"
 #include "regions.hpp"
+#include "roots.hpp"
 #include "seams.hpp"
 #include "shells.hpp"
 
@@ -344,6 +345,10 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
     if (repairs.bind_rows > 0 || repairs.singular_binds > 0)
       state.json["skins"][at(gathered_one.surface.skin)]["inverseBindMatrices"] =
           gltf::append_matrices(state, gathered_one.inverse_bind);
+    if (repairs.loose_roots > 0)
+      if (const Expected<gltf::NodeTree> tree = gltf::NodeTree::read(state))  // it may have changed for another skin
+        if (gltf::loose_roots(state, *tree, at(gathered_one.surface.skin)) > 0)
+          gltf::join_roots(state, *tree, at(gathered_one.surface.skin));
     all[s].surface = std::move(jobs[s].gathered.surface);
   }
   gltf::drop_unused_extension(state, gltf::draco_name);

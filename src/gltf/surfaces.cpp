@@ -3,6 +3,7 @@
 
 #include "gather.hpp"
 #include "io/scan.hpp"
+#include "roots.hpp"
 #include "select.hpp"
 
 namespace quadrig::gltf {
@@ -146,6 +147,7 @@ Expected<bool> make_surface(const Request& request, Gathered& one, const Selecto
   if (!skin) return skin.error();
   surface.repairs.singular_binds = skin->singular_binds;
   surface.repairs.bind_rows = skin->bind_rows;
+  surface.repairs.loose_roots = loose_roots(state, request.tree, at(surface.skin));
   one.inverse_bind = skin->inverse_bind;
   Gatherer gatherer(state, one, one.joints(), request.budget, request.cache);
   if (Status status = add_primitives(request, one, gatherer, selector); !status) return status.error();

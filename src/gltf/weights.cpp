@@ -16,6 +16,7 @@ std::vector<std::string> GltfRepairs::sentences() const {
   tell(rescaled, "vertices whose weights did not sum to 1, rescaled");
   tell(singular_binds, "inverse bind matrices that cannot be inverted, taken from the nodes");
   tell(bind_rows, "inverse bind matrices whose last row is not 0 0 0 1, set so");
+  tell(loose_roots, "trees of joints without a common root in the scenes of the skin, given one");
   return all;
 }
 

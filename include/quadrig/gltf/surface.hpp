@@ -12,6 +12,7 @@ struct GltfRepairs {
   Index rescaled = 0;        ///< vertices whose weights did not sum to 1 within 1e-3
   Index singular_binds = 0;  ///< inverse bind matrices that cannot be inverted: the joint stays where its node is
   Index bind_rows = 0;       ///< inverse bind matrices whose last row is not 0 0 0 1: set so
+  Index loose_roots = 0;     ///< trees of joints that no root in every scene of the skin holds together: given one
   [[nodiscard]] std::vector<std::string> sentences() const;
 };
 

@@ -57,6 +57,7 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
   result.report.asked = quads;
 
   const Piece original = make_piece(shared.asset, faces);
+  if (context.cancelled()) return cancelled_error("remesh");
   const double area = original.asset.mesh.total_area();
   const double edge = std::sqrt(area / quads);
   const auto finish = [&](const TriangleMesh<double>& mesh, std::span<const Index> parent, QuadMesh quad_mesh) {

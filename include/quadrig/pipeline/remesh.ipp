@@ -50,6 +50,7 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
   RemeshResult result;
   const SizingOptions sizing = options.sizing.value_or(detail::preset_sizing(options.preset, asset.rig.has_value()));
   const Connection<double> connection(mesh);
+  if (context.cancelled()) return cancelled_error("remesh");
   context.progress("metric", 0);
 
   // Sizes and posed directions, once for the whole asset.

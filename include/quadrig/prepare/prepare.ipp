@@ -108,9 +108,11 @@ QUADRIG_INLINE Expected<Prepared> prepare(const PolygonMesh& input, const Vertex
   report.unreferenced_vertices = static_cast<Index>(std::count(used.begin(), used.end(), 0));
 
   Groups welded = weld(work, options, report);
+  if (context.cancelled()) return cancelled_error("prepare");
   apply_groups(work, welded, report);
+  if (context.cancelled()) return cancelled_error("prepare");
   make_manifold(work, options, report);
-  for (int pass = 0; pass < 8; ++pass) {
+  for (int pass = 0; pass < 8 && !context.cancelled(); ++pass) {
     Groups groups(work.source.size());
     if (!remove_flat_faces(work, options.flat_ratio, groups, report)) break;
     PrepareReport ignored;

@@ -53,23 +53,17 @@ struct Work {
 };
 
 /// One side of an undirected edge: half-edge 3 f + i runs from corner i of face f.
-struct Side {
-  Index low, high, halfedge;
-  [[nodiscard]] bool same_edge(const Side& other) const { return low == other.low && high == other.high; }
-};
+using Side = detail::SortedSide;
 
 inline std::vector<Side> sorted_sides(const std::vector<Face>& faces) {
-  std::vector<Side> sides;
-  sides.reserve(3 * faces.size());
-  for (std::size_t f = 0; f < faces.size(); ++f)
-    for (std::size_t i = 0; i < 3; ++i) {
-      const Index a = faces[f][i], b = faces[f][(i + 1) % 3];
-      sides.push_back({std::min(a, b), std::max(a, b), static_cast<Index>(3 * f + i)});
-    }
-  std::sort(sides.begin(), sides.end(), [](const Side& a, const Side& b) {
-    return std::array{a.low, a.high, a.halfedge} < std::array{b.low, b.high, b.halfedge};
+  Index vertices = 0;
+  for (const Face& face : faces)
+    for (const Index v : face) vertices = std::max(vertices, v + 1);
+  return detail::sorted_by_edge(vertices, static_cast<Index>(3 * faces.size()), [&](Index h) {
+    const Face& face = faces[static_cast<std::size_t>(h / 3)];
+    const Index a = face[static_cast<std::size_t>(h % 3)], b = face[static_cast<std::size_t>((h % 3 + 1) % 3)];
+    return Side{std::min(a, b), std::max(a, b), h};
   });
-  return sides;
 }
 
 /// Calls visit(first, last) for the sides of each undirected edge.

@@ -105,7 +105,8 @@ class Decimator {
           // Flips on the way keep the triangles fit for further collapses.
           const Index stop = std::max(wanted, alive_ / 3);
           if (!sweep(rules[r], stop, costs[c] * unit_cost_, context)) return cancelled_error("simplify");
-          if (alive_ <= 8 * std::int64_t{wanted}) flip();
+          if (alive_ <= 8 * std::int64_t{wanted}) flip(context);
+          if (context.cancelled()) return cancelled_error("simplify");
           if (alive_ > stop && before - alive_ <= before / 50) break;
         }
     return {};
@@ -147,7 +148,9 @@ class Decimator {
   /// Returns false where the caller asked to stop.
   bool sweep(const Rule& rule, Index stop, double highest_cost, Context& context) {
     queue_ = {};
+    std::size_t steps = 0;
     for (const Face& f : faces_) {
+      if (++steps % 4096 == 0 && context.cancelled()) return false;
       if (f[0] == no_index) continue;
       for (std::size_t i = 0; i < 3; ++i) {
         // Each inner edge is met from both sides, once in each direction.
@@ -155,7 +158,6 @@ class Decimator {
         if (border_[at(f[i])] && border_[at(f[(i + 1) % 3])]) offer(f[(i + 1) % 3], f[i]);
       }
     }
-    std::size_t steps = 0;
     while (alive_ > stop && !queue_.empty()) {
       if (++steps % 4096 == 0 && context.cancelled()) return false;
       const Candidate c = queue_.top();
@@ -254,11 +256,13 @@ class Decimator {
   }
 
   /// Turns inner edges where that raises the lesser quality of their two triangles and hardly bends the surface.
-  void flip() {
+  void flip(const Context& context) {
     for (int round = 0; round < 5; ++round) {
       Index flipped = 0;
-      for (Index f = 0; f < static_cast<Index>(faces_.size()); ++f)
+      for (Index f = 0; f < static_cast<Index>(faces_.size()); ++f) {
+        if (f % 4096 == 0 && context.cancelled()) return;
         for (std::size_t i = 0; faces_[at(f)][0] != no_index && i < 3; ++i) flipped += flip(f, i);
+      }
       if (flipped == 0) break;
     }
   }

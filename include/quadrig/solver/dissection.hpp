@@ -12,7 +12,7 @@ struct DissectionOptions {
 
 /// The unknowns in the order in which to eliminate them: nested dissection of the pattern, with separators that are
 /// minimum cuts within a band across each piece, and constrained minimum degree within the leaves.
-/// The same at any number of threads. \pre a sound view; values are not read
+/// The same at any number of threads; any order once the context is cancelled. \pre a sound view; values are not read
 /// \cost O(n log n) on almost planar patterns of bounded degree; others are ordered too, only later. \fails never
 /// Source: George 1973; cuts as in Schild and Sommer, On balanced separators in road networks, 2015, with distances in
 /// the pattern for coordinates.

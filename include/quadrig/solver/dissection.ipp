@@ -15,10 +15,14 @@ namespace detail {
 
 class Dissection {
  public:
-  explicit Dissection(const DissectionOptions& options) : options_(options) {}
+  Dissection(const DissectionOptions& options, const Context& context) : options_(options), context_(context) {}
 
   void order(DissectionPiece piece, std::span<Index> out, unsigned threads) const {
     const Index n = piece.size();
+    if (context_.cancelled()) {  // any order will do
+      std::copy(piece.unknown.begin(), piece.unknown.end(), out.begin());
+      return;
+    }
     if (n <= options_.leaf) return n <= 300 ? order_leaf(piece, out) : order_by_degree(piece, out);
     std::vector<Index> part, visited;
     const Index parts = components(piece, part, visited);
@@ -311,14 +315,15 @@ class Dissection {
   }
 
   const DissectionOptions& options_;
+  const Context& context_;
 };
 
 // Nested dissection of a large graph by way of a small one: its vertices in clusters of a few. Each cut is sought among
 // the clusters and then again, exactly, among the vertices of the clusters around it.
 class ClusteredDissection {
  public:
-  ClusteredDissection(const DissectionPiece& graph, const DissectionOptions& options)
-      : graph_(graph), inner_(options), local_(at(graph.size()), first) {}
+  ClusteredDissection(const DissectionPiece& graph, const DissectionOptions& options, const Context& context)
+      : graph_(graph), context_(context), inner_(options, context), local_(at(graph.size()), first) {}
 
   void order(std::span<Index> out, unsigned threads) { dissect(clusters(), out, threads); }
 
@@ -385,6 +390,10 @@ class ClusteredDissection {
 
   void dissect(Piece piece, std::span<Index> out, unsigned threads) {
     const Index count = piece.clusters.size();
+    if (context_.cancelled()) {
+      for (std::size_t k = 0; k < out.size(); ++k) out[k] = graph_.unknown[at(piece.members[k])];
+      return;
+    }
     if (static_cast<Index>(piece.members.size()) <= least_vertices || count < 40) return finish(piece, out, threads);
     std::vector<Index> part, visited;
     const Index parts = Dissection::components(piece.clusters, part, visited);
@@ -520,6 +529,7 @@ class ClusteredDissection {
   }
 
   const DissectionPiece& graph_;
+  const Context& context_;
   Dissection inner_;
   // Number of each vertex in what is being worked on, or what became of it. Pieces side by side touch no common entry:
   // between them lie vertices that are separated, and those are written before the pieces part.
@@ -578,9 +588,9 @@ QUADRIG_INLINE std::vector<Index> nested_dissection(Index size, std::span<const 
   piece.outside = static_cast<Index>(n - last);
   const std::span<Index> out = std::span(order).first(last);
   if (piece.size() < 3000)
-    detail::Dissection(options).order(std::move(piece), out, context.thread_count());
+    detail::Dissection(options, context).order(std::move(piece), out, context.thread_count());
   else
-    detail::ClusteredDissection(piece, options).order(out, context.thread_count());
+    detail::ClusteredDissection(piece, options, context).order(out, context.thread_count());
   return order;
 }
 

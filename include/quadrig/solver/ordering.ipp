@@ -36,6 +36,7 @@ QUADRIG_INLINE EliminationOrder elimination_order(Index size, std::span<const In
     if (ordering == Ordering::minimum_degree || best.multiplications < worth_dissection * size) return best;
   }
   EliminationOrder dissected{nested_dissection(size, column_starts, rows, {}, context), Ordering::nested_dissection, 0};
+  if (context.cancelled()) return dissected;
   dissected.multiplications = work(dissected.unknowns);
   return ordering == Ordering::automatic && best.multiplications < dissected.multiplications ? best : dissected;
 }

@@ -28,13 +28,14 @@ class SimplicialLdlt {
 
   [[nodiscard]] static constexpr std::string_view name() { return "eigen"; }
 
-  /// \fails bad_input where `order` is not a permutation of the unknowns.
+  /// \fails bad_input where `order` is not a permutation of the unknowns; cancelled.
   Status analyze(const HermitianView<K>& A, std::span<const Index> order, Context& context) {
     const auto n = static_cast<std::size_t>(A.size);
     auto analysis = std::make_shared<Analysis>();
     analysis->position.assign(n, no_index);
     if (order.empty()) {
       const EliminationOrder found = elimination_order(A.size, A.column_starts, A.rows, ordering_, context);
+      if (context.cancelled()) return cancelled_error("solver eigen");
       for (std::size_t k = 0; k < n; ++k)
         analysis->position[static_cast<std::size_t>(found.unknowns[k])] = static_cast<Index>(k);
     } else {

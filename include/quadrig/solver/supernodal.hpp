@@ -27,13 +27,14 @@ class SupernodalCholesky {
 
   [[nodiscard]] static constexpr std::string_view name() { return "supernodal"; }
 
-  /// \fails bad_input where `order` is not a permutation of the unknowns.
+  /// \fails bad_input where `order` is not a permutation of the unknowns; cancelled.
   Status analyze(const HermitianView<K>& A, std::span<const Index> order, Context& context) {
     const auto n = at(A.size);
     factorized_ = false;
     auto analysis = std::make_shared<Analysis>();
     if (order.empty()) {
       EliminationOrder found = quadrig::elimination_order(A.size, A.column_starts, A.rows, ordering_, context);
+      if (context.cancelled()) return cancelled_error("solver supernodal");
       analysis->unknown = std::move(found.unknowns);
       analysis->ordering = found.ordering;
     } else {
