@@ -4,10 +4,15 @@
 #include <benchmark/benchmark.h>
 
 #include <cstring>
+#include <fstream>
 #include <map>
 #include <memory>
 #include <string>
+#if defined(__GLIBC__)
+#include <malloc.h>
+#endif
 
+#include "quadrig/io.hpp"
 #include "quadrig/samples.hpp"
 
 namespace quadrig::bench {
@@ -52,19 +57,109 @@ inline TriangleMesh<double> subdivided(const TriangleMesh<double>& mesh) {
   return std::move(*result);
 }
 
-/// A sample of about 5400 triangles, subdivided `levels` times: 5.4k, 22k, 86k, 346k, 1.38M. The last is kept.
+/// Squares of the integer lattice, two triangles each, as one surface.
+class Squares {
+ public:
+  void add(const std::array<std::array<int, 3>, 4>& corners) {
+    std::array<Index, 4> at{};
+    for (std::size_t k = 0; k < 4; ++k) {
+      const auto [entry, fresh] = number_.try_emplace(corners[k], static_cast<Index>(points_.size()));
+      if (fresh) points_.push_back(corners[k]);
+      at[k] = entry->second;
+    }
+    triangles_.push_back({at[0], at[1], at[2]});
+    triangles_.push_back({at[0], at[2], at[3]});
+  }
+  [[nodiscard]] TriangleMesh<double> mesh() const {
+    Points<double> points(static_cast<Eigen::Index>(points_.size()), 3);
+    for (std::size_t v = 0; v < points_.size(); ++v)
+      points.row(static_cast<Eigen::Index>(v)) << points_[v][0], points_[v][1], points_[v][2];
+    Triangles faces(static_cast<Eigen::Index>(triangles_.size()), 3);
+    for (std::size_t f = 0; f < triangles_.size(); ++f)
+      faces.row(static_cast<Eigen::Index>(f)) << triangles_[f][0], triangles_[f][1], triangles_[f][2];
+    auto result = TriangleMesh<double>::create(std::move(points), std::move(faces));
+    if (!result) throw std::runtime_error(result.error().message());
+    return std::move(*result);
+  }
+
+ private:
+  std::map<std::array<int, 3>, Index> number_;
+  std::vector<std::array<int, 3>> points_;
+  std::vector<std::array<Index, 3>> triangles_;
+};
+
+/// 52 squares by 52, flat, with a border: 5408 triangles.
+inline TriangleMesh<double> grid() {
+  Squares squares;
+  for (int i = 0; i < 52; ++i)
+    for (int j = 0; j < 52; ++j) squares.add({{{i, j, 0}, {i + 1, j, 0}, {i + 1, j + 1, 0}, {i, j + 1, 0}}});
+  return squares.mesh();
+}
+/// A plate with five square holes, of genus 5: 208 triangles, split in sixteen: 3328.
+inline TriangleMesh<double> plate() {
+  const auto solid = [](int i, int j) { return i >= 0 && i < 11 && j >= 0 && j < 3 && !(j == 1 && i % 2 == 1); };
+  Squares squares;
+  for (int i = 0; i < 11; ++i)
+    for (int j = 0; j < 3; ++j) {
+      if (!solid(i, j)) continue;
+      const int a = i + 1, b = j + 1;
+      squares.add({{{i, j, 1}, {a, j, 1}, {a, b, 1}, {i, b, 1}}});
+      squares.add({{{i, j, 0}, {i, b, 0}, {a, b, 0}, {a, j, 0}}});
+      if (!solid(i - 1, j)) squares.add({{{i, j, 0}, {i, j, 1}, {i, b, 1}, {i, b, 0}}});
+      if (!solid(i + 1, j)) squares.add({{{a, j, 0}, {a, b, 0}, {a, b, 1}, {a, j, 1}}});
+      if (!solid(i, j - 1)) squares.add({{{i, j, 0}, {a, j, 0}, {a, j, 1}, {i, j, 1}}});
+      if (!solid(i, j + 1)) squares.add({{{i, b, 0}, {i, b, 1}, {a, b, 1}, {a, b, 0}}});
+    }
+  return subdivided(subdivided(squares.mesh()));
+}
+
+/// A surface by name: a sample, `grid`, `plate`, or a file.
+inline TriangleMesh<double> coarse_surface(const std::string& name) {
+  if (name == "grid") return grid();
+  if (name == "plate") return plate();
+  if (name.find('.') == std::string::npos) return sample(name, 5'400).mesh;
+  Context context;
+  auto loaded = load_asset({name, {}, {}}, {}, context);
+  if (!loaded) throw std::runtime_error(loaded.error().message());
+  return std::move(loaded->asset.mesh);
+}
+
+/// A surface of about 5400 triangles, subdivided `levels` times: 5.4k, 22k, 86k, 346k, 1.38M. The last is kept.
 inline const TriangleMesh<double>& surface(const std::string& name, int levels) {
   static std::string kept_name;
   static int kept_levels = -1;
   static TriangleMesh<double> kept;
   if (kept_name != name || kept_levels != levels) {
     const bool finer = kept_name == name && kept_levels < levels;
-    if (!finer) kept = sample(name, 5'400).mesh;
+    if (!finer) kept = coarse_surface(name);
     for (int level = finer ? kept_levels : 0; level < levels; ++level) kept = subdivided(kept);
     kept_name = name;
     kept_levels = levels;
   }
   return kept;
+}
+
+/// A line of /proc/self/status in bytes; 0 where there is none.
+inline double memory(const char* line) {
+  std::ifstream status("/proc/self/status");
+  for (std::string word; status >> word;)
+    if (word == line) {
+      double kilobytes = 0;
+      status >> kilobytes;
+      return 1024 * kilobytes;
+    }
+  return 0;
+}
+/// What body() needs at its peak beyond what is held before, bytes; on Linux.
+template <class Body>
+double peak_memory(Body&& body) {
+#if defined(__GLIBC__)
+  malloc_trim(0);
+#endif
+  std::ofstream("/proc/self/clear_refs") << "5";
+  const double before = memory("VmRSS:");
+  body();
+  return memory("VmHWM:") - before;
 }
 
 /// BM_<verb>/<backend>/<mesh>/<faces>

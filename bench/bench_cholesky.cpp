@@ -1,5 +1,8 @@
 // The solvers on the system of a smooth cross field: ordering, analysis, factorization and solve timed apart, residual
-// checked. `--full`: every size up to 1.38M faces; `--matrix FILE.mtx`: on that system instead.
+// checked. `--full`: every size up to 1.38M faces; `--matrix FILE.mtx`: on that system instead; `--surface FILE`:
+// orders of elimination on that surface, subdivided three times, too.
+#include <filesystem>
+
 #include "bench.hpp"
 #include "matrix_market.hpp"
 #include "quadrig/connection.hpp"
@@ -90,6 +93,26 @@ void run(benchmark::State& state, Step step, const std::string& backend, const S
   state.counters["iterations"] = info.iterations;
 }
 
+/// The most memory that a first solution needs beside the matrix.
+void memory(benchmark::State& state, const std::string& backend, const System& system) {
+  Context context;
+  context.threads = 1;
+  const HermitianView<Complex> A = system.matrix.view();
+  std::vector<Complex> x(system.rhs.size(), 1.0);
+  auto solver = make_solver<Complex>(backend);
+  if (!solver) return state.SkipWithError(solver.error().message().c_str());
+  bool sound = true;
+  double bytes = 0;
+  for (auto _ : state)
+    bytes = bench::peak_memory([&] {
+      sound = solver->analyze(A, {}, context).ok() && solver->factorize(A, context).ok() &&
+              solver->solve(system.rhs, x, context).status.ok();
+    });
+  if (!sound) return state.SkipWithError("a step failed");
+  state.SetLabel(solver->description());
+  state.counters["bytes_a_face"] = bytes / static_cast<double>(x.size());
+}
+
 /// Orders of elimination: seconds, and the multiplications and entries of a factor under each.
 void order(benchmark::State& state, const std::string& method, const System& system) {
   const HermitianView<Complex> A = system.matrix.view();
@@ -148,7 +171,15 @@ int main(int argc, char** argv) {
                                       {"cholmod-supernodal-gpl/metis", 4}};
   const auto steps = {std::pair{"analyze", Step::analyze}, {"factorize", Step::factorize}, {"solve", Step::solve}};
   std::map<std::string, System> files;
+  std::vector<std::string> surfaces;
   for (int k = 1; k + 1 < argc; ++k) {
+    if (std::strcmp(argv[k], "--surface") == 0) {
+      surfaces.emplace_back(argv[k + 1]);
+      for (int i = k; i + 2 < argc; ++i) argv[i] = argv[i + 2];
+      argc -= 2;
+      --k;
+      continue;
+    }
     if (std::strcmp(argv[k], "--matrix") != 0) continue;
     auto matrix = bench::read_matrix_market(argv[k + 1]);
     if (!matrix) {
@@ -175,11 +206,13 @@ int main(int argc, char** argv) {
               ->Unit(benchmark::kMillisecond);
 
   std::vector<std::pair<std::string, std::vector<int>>> meshes{{"humanoid", {0, 2}}, {"pear", {0, 2}}};
-  if (full) meshes = {{"pear", {0, 1, 2, 3, 4}}, {"humanoid", {0, 1, 2, 3}}, {"box_torus", {3}}, {"wing", {3}}};
+  if (full) meshes = {{"pear", {0, 1, 2, 3, 4}}, {"humanoid", {3, 4}}, {"plate", {3}}, {"grid", {3}}};
   if (!files.empty()) meshes.clear();
+  for (const std::string& surface : surfaces) meshes.push_back({surface, {3}});
   for (const auto& [mesh, sizes] : meshes)
     for (const int levels : sizes) {
-      const Index faces = 5'400 << (2 * levels);
+      const Index faces = mesh.find('.') == std::string::npos ? (mesh == "plate" ? 3'328 : 5'400) << (2 * levels)
+                                                              : bench::surface(mesh, levels).face_count();
       std::vector<std::string> methods{"minimum-degree", "dissection"};
 #if defined(QUADRIG_BENCH_METIS)
       methods.push_back("metis");
@@ -190,12 +223,13 @@ int main(int argc, char** argv) {
       };
       for (const std::string& method : methods)
         limited(benchmark::RegisterBenchmark(
-                    bench::run_name("order", method, mesh, faces).c_str(),
+                    bench::run_name("order", method, std::filesystem::path(mesh).stem().string(), faces).c_str(),
                     [=, mesh = mesh](benchmark::State& state) { order(state, method, field_system(mesh, levels)); }),
                 3);
+      const bool orders_alone = mesh == "plate" || mesh == "grid" || mesh.find('.') != std::string::npos;
       for (const Backend& backend : backends)
         for (const auto& [verb, step] : steps)
-          if (built(backend) && levels <= backend.largest &&
+          if (built(backend) && !orders_alone && levels <= backend.largest && (mesh == "pear" || levels < 4) &&
               (full || std::strchr(backend.name, '/') == nullptr ||
                std::strcmp(backend.name, "eigen/minimum-degree") == 0))
             limited(benchmark::RegisterBenchmark(bench::run_name(verb, backend.name, mesh, faces).c_str(),
@@ -204,6 +238,15 @@ int main(int argc, char** argv) {
                                                  }),
                     step == Step::analyze ? 3 : 4);
     }
+  if (full && files.empty())
+    for (const int levels : {2, 3})
+      for (const Backend& backend : backends)
+        if (built(backend) && levels <= backend.largest)
+          benchmark::RegisterBenchmark(
+              bench::run_name("memory", backend.name, "pear", 5'400 << (2 * levels)).c_str(),
+              [=](benchmark::State& state) { memory(state, backend.name, field_system("pear", levels)); })
+              ->Unit(benchmark::kMillisecond)
+              ->Iterations(1);
   benchmark::Initialize(&argc, argv);
   if (benchmark::ReportUnrecognizedArguments(argc, argv)) return 1;
   benchmark::RunSpecifiedBenchmarks();

@@ -247,6 +247,24 @@ class PetscCg {
       }
     }
     PetscCall(VecRestoreArray(phases_, &value));
+
+    // Where two ways round meet, and between processes, phases jump: sweeps of relaxation spread each jump out.
+    Vec diagonal = nullptr, change = nullptr;
+    PetscCall(VecDuplicate(phases_, &diagonal));
+    PetscCall(VecDuplicate(phases_, &change));
+    PetscCall(MatGetDiagonal(matrix_, diagonal));
+    constexpr int sweeps = 60, unit_each = 10;
+    for (int sweep = 1; sweep <= sweeps; ++sweep) {
+      PetscCall(MatMult(matrix_, phases_, change));
+      PetscCall(VecPointwiseDivide(change, change, diagonal));
+      PetscCall(VecAXPY(phases_, -0.6, change));
+      if (sweep % unit_each != 0) continue;
+      PetscCall(VecGetArray(phases_, &value));
+      for (PetscInt i = 0; i < count_; ++i) value[i] = std::abs(value[i]) > 0 ? value[i] / std::abs(value[i]) : K(1);
+      PetscCall(VecRestoreArray(phases_, &value));
+    }
+    PetscCall(VecDestroy(&change));
+    PetscCall(VecDestroy(&diagonal));
     Vec conjugates = nullptr;
     PetscCall(VecDuplicate(phases_, &conjugates));
     PetscCall(VecCopy(phases_, conjugates));
