@@ -29,11 +29,11 @@ class Quantizer {
       : map_(map), index_(index), on_border_(on_border) {
     const Index n = map.halfedge_count();
     wanted_.resize(at(n));
-    inverse_.resize(at(n));
+    weight_.resize(at(n));
     omega_.assign(at(n), Gaussian{});
     for (Index h = 0; h < n; ++h) {
       wanted_[at(h)] = scale * map.vector[at(h)];
-      inverse_[at(h)] = 1 / std::max(std::norm(wanted_[at(h)]), 1e-4);
+      weight_[at(h)].fill(1 / std::max(std::norm(wanted_[at(h)]), 1e-4));
     }
     weigh_shear();
     distance_.assign(at(4 * n), 0);
@@ -149,18 +149,27 @@ class Quantizer {
   [[nodiscard]] static Index next(Index h) { return h % 3 == 2 ? h - 2 : h + 1; }
   [[nodiscard]] static Index prev(Index h) { return h % 3 == 0 ? h + 2 : h - 1; }
 
-  /// Next to the relative error of each edge a part of the Dirichlet energy of the change: it sees what a limb is
-  /// sheared by where the ends of its long edges are off by one row, which turns rings into spirals.
+  /// Next to the relative error of each edge a part of the Dirichlet energy of the change. There what turns the edges
+  /// of quads counts more than what stretches them: where the ends of a limb's long edges are off by one row, its rings
+  /// become spirals.
   void weigh_shear() {
-    constexpr double part = 0.05;
-    std::vector<double> cotangent(inverse_.size(), 0.0);
+    constexpr double part = 0.05, turning = 4;
+    std::vector<std::array<double, 2>> cotangent(weight_.size(), {0, 0});
     for (Index h = 0; h < map_.halfedge_count(); ++h) {
       const Complex a = -wanted_[at(next(h))], b = wanted_[at(prev(h))];
-      const double across = (a.real() * b.real() + a.imag() * b.imag()) / (2 * std::max(std::abs(cross(a, b)), 1e-9));
-      cotangent[at(h)] += across;
-      if (const Index g = map_.twin[at(h)]; g != no_index) cotangent[at(g)] += across;
+      const double area = 2 * std::max(std::abs(cross(a, b)), 1e-9);
+      const double x = a.real() * b.real() / area, y = a.imag() * b.imag() / area;
+      const std::array<double, 2> own{turning * x + y, x + turning * y};
+      cotangent[at(h)][0] += own[0];
+      cotangent[at(h)][1] += own[1];
+      if (const Index g = map_.twin[at(h)]; g != no_index) {
+        const bool odd = (map_.rotation[at(h)] & 1) != 0;
+        cotangent[at(g)][0] += own[odd];
+        cotangent[at(g)][1] += own[!odd];
+      }
     }
-    for (std::size_t h = 0; h < inverse_.size(); ++h) inverse_[h] += part * std::clamp(cotangent[h], 0.05, 3.0);
+    for (std::size_t h = 0; h < weight_.size(); ++h)
+      for (int c = 0; c < 2; ++c) weight_[h][c] += part * std::clamp(cotangent[h][c], 0.05, 3 * turning);
   }
 
   void set(Index h, Gaussian w) {
@@ -172,7 +181,9 @@ class Quantizer {
   }
   [[nodiscard]] std::int64_t area(Index f) const { return cross(omega_[at(3 * f)], omega_[at(3 * f + 1)]); }
   [[nodiscard]] double cost(Index h, Gaussian w) const {
-    return std::norm(to_field(w) - wanted_[at(h)]) * inverse_[at(h)];
+    const Complex off = to_field(w) - wanted_[at(h)];
+    const auto& [x, y] = weight_[at(h)];
+    return x * off.real() * off.real() + y * off.imag() * off.imag();
   }
   /// Energy that ω_h + i^a adds.
   [[nodiscard]] double change(Index h, int a) const {
@@ -404,7 +415,7 @@ class Quantizer {
   const std::vector<Index>& index_;
   const std::vector<char>& on_border_;
   std::vector<Complex> wanted_;
-  std::vector<double> inverse_;
+  std::vector<std::array<double, 2>> weight_;  // of the squared error of both components
   std::vector<Gaussian> omega_, saved_;
   std::vector<double> distance_;
   std::vector<Index> from_, touched_;

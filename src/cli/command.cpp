@@ -45,15 +45,14 @@ void add_input(CLI::App& verb, Input& input) {
       ->check(CLI::IsMember({"voxel", "biharmonic", "nearest"}))
       ->needs(rig)
       ->excludes(weights)
-      ->type_name("voxel|biharmonic|nearest");
+      ->option_text("voxel|biharmonic|nearest (needs --rig, excludes --weights)");
   const std::string group = "Input repair";
   verb.add_flag("--strict", input.load.prepare.strict, "Refuse an input that needs repair")->group(group);
   verb.add_option("--weld", input.load.prepare.weld, "Which vertices at one position become one")
       ->transform(CLI::CheckedTransformer(
           std::vector<std::pair<std::string, Weld>>{{"never", Weld::never}, {"seams", Weld::seams}, {"all", Weld::all}},
           CLI::ignore_case))
-      ->type_name("never|seams|all")
-      ->default_str("seams")
+      ->option_text("never|seams|all = seams")
       ->group(group);
   verb.add_option("--weld-distance", input.load.prepare.weld_distance, "Positions at most this far apart are one")
       ->type_name("LENGTH")

@@ -148,8 +148,7 @@ void add_field(CLI::App& app, Run& run) {
                    "default: the rig's, at any resolution; thesis: its exact energy; "
                    "static: no rig, along the curvature")
       ->check(CLI::IsMember({"default", "thesis", "static"}))
-      ->capture_default_str()
-      ->type_name("default|thesis|static");
+      ->option_text("default|thesis|static = default");
   verb->add_option("--creases", options->crease_degrees, "Follow edges that bend more than this, degrees")
       ->check(CLI::Range(0.0, 180.0))
       ->type_name("ANGLE");

@@ -190,8 +190,7 @@ void add_remesh(CLI::App& app, Run& run) {
                    "default: the rig's directions, sizes by how it bends; thesis: the exact energy and densities of "
                    "the thesis; static: no rig, along the curvature")
       ->check(CLI::IsMember({"default", "thesis", "static"}))
-      ->capture_default_str()
-      ->type_name("default|thesis|static");
+      ->option_text("default|thesis|static = default");
   verb->add_option("--creases", options->crease_degrees, "Edges that bend more than this stay edges, degrees")
       ->check(CLI::Range(0.0, 180.0))
       ->type_name("ANGLE");
@@ -215,7 +214,7 @@ void add_remesh(CLI::App& app, Run& run) {
       ->group(group);
   auto* density = verb->add_option("--density", options->density, "What decides the size of a quad");
   density->check(CLI::IsMember({"uniform", "field", "blend", "rest", "posed"}))
-      ->type_name("uniform|field|blend|rest|posed")
+      ->option_text("uniform|field|blend|rest|posed")
       ->group(group);
   const auto size = [&](const std::string& name, double& place, const std::string& text) {
     return verb->add_option(name, place, text)->needs(density)->capture_default_str()->type_name("X")->group(group);
@@ -232,8 +231,7 @@ void add_remesh(CLI::App& app, Run& run) {
       ->group(group);
   verb->add_option("--poses", options->poses, "Of a glTF file: bend every joint, or sample its own clips")
       ->check(CLI::IsMember({"bends", "clips"}))
-      ->capture_default_str()
-      ->type_name("bends|clips")
+      ->option_text("bends|clips = bends")
       ->group(group);
 
   const std::string parts = "Parts of a glTF file";

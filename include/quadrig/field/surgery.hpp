@@ -86,7 +86,13 @@ class FieldSurgery {
   ///   turned come back to it over `reach`, a length
   FieldSurgery(const TriangleMesh<double>& mesh, FrameField& frames, Matching& matching, Singularities& singularities,
                std::span<const double> pull = {}, double reach = 1)
-      : mesh_(mesh), frames_(frames), matching_(matching), singularities_(singularities), pull_(pull), reach_(reach) {}
+      : mesh_(mesh),
+        frames_(frames),
+        matching_(matching),
+        singularities_(singularities),
+        pull_(pull),
+        reach_(reach),
+        change_(at(mesh.halfedge_count()), 0.0) {}
 
   /// One unit of I4 goes from the origin of the half-edge to its target.
   void move_unit(Index h) {
@@ -94,8 +100,10 @@ class FieldSurgery {
     const Index g = mesh_.twin(h);
     ++matching_.r[at(h)];
     --matching_.r[at(g)];
-    matching_.rho[at(h)] -= quarter;
-    matching_.rho[at(g)] += quarter;
+    for (std::vector<double>* angle : {&matching_.rho, &change_}) {
+      (*angle)[at(h)] -= quarter;
+      (*angle)[at(g)] += quarter;
+    }
     --singularities_.index4[at(mesh_.origin(h))];
     ++singularities_.index4[at(mesh_.target(h))];
     ++moves_;
@@ -107,8 +115,6 @@ class FieldSurgery {
   Index split_extremes(double spread) {
     Index split = 0;
     ScaleEnergy energy(mesh_);
-    // A pole keeps its size however small the quads are.
-    spread_poles(spread, std::max(4 * spread, 0.15 * std::sqrt(mesh_.total_area())), energy);
     for (Index v = 0; v < mesh_.vertex_count(); ++v) {
       if (mesh_.outgoing(v) == no_index) continue;
       if (mesh_.on_boundary(v)) {
@@ -189,8 +195,9 @@ class FieldSurgery {
     return from != no_index && cancel(from, to);
   }
 
-  /// Turns the frames by the least rotations that agree with the changed matching, all turns so far together being
-  /// small where the direction was asked for; faces in `held` stay as they are.
+  /// Turns the frames by the least rotations that undo what the changed matching added to the turns across edges, all
+  /// turns so far together being small where the direction was asked for; faces in `held` stay as they are. Turns that
+  /// the field had before stay: smoothing them away would leave what the field was designed to follow.
   /// \fails numeric. \cost one sparse factorization with one unknown a face; nothing where nothing was changed.
   Status apply(const std::vector<char>& held, Context& context) {
     if (moves_ == 0) return {};
@@ -216,7 +223,7 @@ class FieldSurgery {
                            const std::array<double, 2> factor{1, -1};
                            const double weight =
                                mesh_.edge_vector(h).squaredNorm() / (mesh_.area(h / 3) + mesh_.area(g / 3));
-                           emit({where, factor, -matching_.rho[at(h)], std::clamp(weight, 1e-3, 1e3)});
+                           emit({where, factor, -change_[at(h)], std::clamp(weight, 1e-3, 1e3)});
                          }
                          const double one = 1;
                          for (Index f = 0; f < m; ++f)
@@ -229,6 +236,7 @@ class FieldSurgery {
     std::vector<double> free_values(at(form.free_count()));
     if (SolveInfo info = solver->solve(form.rhs(), free_values, context); !info.status.ok()) return info.status;
     const std::vector<double> delta = form.expand(free_values);
+    std::fill(change_.begin(), change_.end(), 0.0);
     for (Index f = 0; f < m; ++f) {
       turned_[at(f)] += delta[at(f)];
       const Complex rotation = std::polar(1.0, delta[at(f)]);
@@ -318,33 +326,6 @@ class FieldSurgery {
     for (const Index w : chosen) carry(v, w);
     return static_cast<Index>(chosen.size());
   }
-  /// Three or more units of one sign closer together than `near`, as a linear field leaves them at a pole, are spread
-  /// out where that saves the quads from varying in size.
-  void spread_poles(double spread, double near, ScaleEnergy& energy) {
-    for (Index v = 0; v < mesh_.vertex_count(); ++v) {
-      if (!interior(v) || index(v) <= 0) continue;
-      std::vector<Index> group;
-      Index units = 0;
-      bool other = false;
-      search({v}, near, [&](Index w, double) {
-        if (index(w) > 0) group.push_back(w), units += index(w);
-        return other = other || index(w) < 0;
-      });
-      if (units < 3 || units > 6 || other) continue;
-      std::vector<Index> base = singularities_.index4;
-      const double now = energy(base);
-      for (const Index w : group) base[at(w)] = 0;
-      std::swap(base, singularities_.index4);
-      double then = 0;
-      const std::vector<Index> chosen = roomiest(v, units, spread, singularities_.index4, energy, then);
-      std::swap(base, singularities_.index4);
-      if (chosen.empty() || !(then < now - 0.3)) continue;
-      for (const Index w : group)
-        while (w != v && index(w) > 0) carry(w, v);
-      for (const Index w : chosen) carry(v, w);
-    }
-  }
-
   /// Gives a unit of a border vertex to the border vertex near that has most angle to lose, or to one inside.
   bool relieve(Index v, double spread) {
     Index inside = no_index, wide = no_index;
@@ -500,6 +481,7 @@ class FieldSurgery {
   Singularities& singularities_;
   std::span<const double> pull_;
   double reach_;
+  std::vector<double> change_;  ///< of the angles across half-edges since frames were turned last
   std::vector<double> turned_;  // of each face, radians, since the field was made
   std::unordered_map<Index, std::pair<double, Index>> reached_;
   Index moves_ = 0;
