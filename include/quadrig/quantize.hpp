@@ -33,7 +33,7 @@ class Quantizer {
     omega_.assign(at(n), Gaussian{});
     for (Index h = 0; h < n; ++h) {
       wanted_[at(h)] = scale * map.vector[at(h)];
-      weight_[at(h)].fill(1 / std::max(std::norm(wanted_[at(h)]), 1e-4));
+      weight_[at(h)].fill(relative(h));
     }
     weigh_shear();
     distance_.assign(at(4 * n), 0);
@@ -132,10 +132,12 @@ class Quantizer {
     for (Index f = 0; f < map_.face_count(); ++f) total += static_cast<double>(area(f));
     return total / 2;
   }
+  /// Σ of the squared relative errors alone.
   [[nodiscard]] double energy() const {
     double total = 0;
     for (Index h = 0; h < map_.halfedge_count(); ++h)
-      if (map_.twin[at(h)] == no_index || map_.twin[at(h)] > h) total += cost(h, omega_[at(h)]);
+      if (map_.twin[at(h)] == no_index || map_.twin[at(h)] > h)
+        total += relative(h) * std::norm(to_field(omega_[at(h)]) - wanted_[at(h)]);
     return total;
   }
   [[nodiscard]] const std::vector<Gaussian>& edges() const { return omega_; }
@@ -149,6 +151,7 @@ class Quantizer {
   [[nodiscard]] static Index next(Index h) { return h % 3 == 2 ? h - 2 : h + 1; }
   [[nodiscard]] static Index prev(Index h) { return h % 3 == 0 ? h + 2 : h - 1; }
 
+  [[nodiscard]] double relative(Index h) const { return 1 / std::max(std::norm(wanted_[at(h)]), 1e-4); }
   /// Next to the relative error of each edge a part of the Dirichlet energy of the change. There what turns the edges
   /// of quads counts more than what stretches them: where the ends of a limb's long edges are off by one row, its rings
   /// become spirals.
