@@ -24,6 +24,7 @@ struct StandIn {
 [[nodiscard]] inline Expected<StandIn> make_stand_in(const TriangleMesh<double>& mesh, Index faces, Context& context) {
   Expected<std::optional<Refinement>> refined = refined_to_choose(mesh, faces, RefineOptions{}, context);
   if (!refined) return refined.error();
+  if (context.cancelled()) return cancelled_error("stand-in");
   const TriangleMesh<double>& fine = *refined ? (*refined)->mesh : mesh;
   // Even triangles before all: closeness comes back when the quads are put on the surface itself.
   Decimator decimator(fine, 1.0, std::sqrt(2 * mesh.total_area() / faces));

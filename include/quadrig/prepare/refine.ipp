@@ -75,6 +75,7 @@ QUADRIG_INLINE Expected<Refinement> refine(const TriangleMesh<double>& mesh,
         if (key.first > limit * limit) mark(3 * f + i);
       }
     }
+    if (context.cancelled()) return cancelled_error("refine");
     if (queue.empty()) break;
     for (std::size_t next = 0; next < queue.size(); ++next) {  // a face that is cut is cut across its longest side
       const auto f = static_cast<std::size_t>(queue[next]);
@@ -128,26 +129,24 @@ QUADRIG_INLINE Expected<Refinement> refine(const TriangleMesh<double>& mesh,
       half(k, i, mid_k);
     }
     pieces = std::move(finer);
+    if (context.cancelled()) return cancelled_error("refine");
     // Twins anew, by sorting: the pattern above would need a table of cases.
-    struct Side {
-      Index low, high, halfedge;
-    };
-    std::vector<Side> sides(3 * pieces.size());
-    for (std::size_t h = 0; h < sides.size(); ++h) {
+    const auto ends = [&](Index halfedge) {
+      const auto h = static_cast<std::size_t>(halfedge);
       const Index a = pieces[h / 3].vertex[h % 3], b = pieces[h / 3].vertex[(h % 3 + 1) % 3];
-      sides[h] = {std::min(a, b), std::max(a, b), static_cast<Index>(h)};
-    }
-    std::sort(sides.begin(), sides.end(), [](const Side& a, const Side& b) {
-      return std::array{a.low, a.high, a.halfedge} < std::array{b.low, b.high, b.halfedge};
-    });
+      return detail::SortedSide{std::min(a, b), std::max(a, b), halfedge};
+    };
+    const std::vector<detail::SortedSide> sides =
+        detail::sorted_by_edge(static_cast<Index>(positions.size()), static_cast<Index>(3 * pieces.size()), ends);
     twin.assign(3 * pieces.size(), no_index);
     for (std::size_t s = 0; s + 1 < sides.size(); ++s) {
-      if (sides[s].low != sides[s + 1].low || sides[s].high != sides[s + 1].high) continue;
+      if (!sides[s].same_edge(sides[s + 1])) continue;
       twin[static_cast<std::size_t>(sides[s].halfedge)] = sides[s + 1].halfedge;
       twin[static_cast<std::size_t>(sides[s + 1].halfedge)] = sides[s].halfedge;
     }
   }
 
+  if (context.cancelled()) return cancelled_error("refine");
   Points<double> points(static_cast<Eigen::Index>(positions.size()), 3);
   for (std::size_t v = 0; v < positions.size(); ++v)
     points.row(static_cast<Eigen::Index>(v)) = positions[v].transpose();

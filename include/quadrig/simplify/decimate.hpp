@@ -61,7 +61,12 @@ class Decimator {
     faces_.resize(m);
     alive_ = mesh.face_count();
     unit_cost_ = (uniformity + 0.02) * std::pow(width, 4) / 2;
-    for (std::size_t v = 0; v < n; ++v) positions_[v] = mesh.position(static_cast<Index>(v)) - center;
+    std::vector<std::size_t> valence(n, 0);
+    for (Index h = 0; h < mesh.halfedge_count(); ++h) ++valence[at(mesh.origin(h))];
+    for (std::size_t v = 0; v < n; ++v) {
+      positions_[v] = mesh.position(static_cast<Index>(v)) - center;
+      around_[v].reserve(valence[v]);
+    }
     for (Index f = 0; f < mesh.face_count(); ++f) {
       const Vector3 normal = mesh.normal(f);
       for (int i = 0; i < 3; ++i) {
