@@ -101,8 +101,10 @@ inline Status refine_piece(Piece& piece, double target, Context& context) {
   }
   Piece piece{{std::move(made->mesh), std::nullopt}, {}, std::move(made->source)};
   const OntoSurface onto(piece.asset.mesh, piece.source, surface);
-  for (Index f = 0; f < piece.asset.mesh.face_count(); ++f)
+  for (Index f = 0; f < piece.asset.mesh.face_count(); ++f) {
+    if (f % 1024 == 0 && context.cancelled()) return cancelled_error("stand-in");
     piece.parent.push_back(original.parent[at(onto({f, Vector3::Constant(1.0 / 3)}).face)]);
+  }
   if (original.asset.rig)
     piece.asset.rig =
         Rig{original.asset.rig->skeleton, interpolate(surface, original.asset.rig->weights, piece.source), {}};
