@@ -140,10 +140,29 @@ class Quantizer {
         total += relative(h) * std::norm(to_field(omega_[at(h)]) - wanted_[at(h)]);
     return total;
   }
+  /// Dirichlet energy of the change over all triangles, what turns edges counted more. No matter of the size of quads.
+  [[nodiscard]] double distortion() const {
+    double total = 0;
+    for (Index f = 0; f < map_.face_count(); ++f) {
+      const Complex a = wanted_[at(3 * f)], b = wanted_[at(3 * f + 1)];
+      const double det = cross(a, b);
+      if (!(det > 1e-9)) continue;
+      const Complex ea = to_field(omega_[at(3 * f)]) - a, eb = to_field(omega_[at(3 * f + 1)]) - b;
+      const auto slope = [&](double along_a, double along_b) {
+        return std::pair{(along_a * b.imag() - along_b * a.imag()) / det,
+                         (along_b * a.real() - along_a * b.real()) / det};
+      };
+      const auto [xx, xy] = slope(ea.real(), eb.real());
+      const auto [yx, yy] = slope(ea.imag(), eb.imag());
+      total += det / 2 * (xx * xx + yy * yy + turning * (xy * xy + yx * yx));
+    }
+    return total;
+  }
   [[nodiscard]] const std::vector<Gaussian>& edges() const { return omega_; }
 
  private:
   static constexpr double broken = 1e6;  // dwarfs any energy
+  static constexpr double turning = 4;   // what turns edges against what stretches them
   /// What a strip is tried for. For the count it is only remembered where it is the best so far.
   enum class Aim : std::uint8_t { repair, energy, count };
 
@@ -156,7 +175,7 @@ class Quantizer {
   /// of quads counts more than what stretches them: where the ends of a limb's long edges are off by one row, its rings
   /// become spirals.
   void weigh_shear() {
-    constexpr double part = 0.05, turning = 4;
+    constexpr double part = 0.05;
     std::vector<std::array<double, 2>> cotangent(weight_.size(), {0, 0});
     for (Index h = 0; h < map_.halfedge_count(); ++h) {
       const Complex a = -wanted_[at(next(h))], b = wanted_[at(prev(h))];
@@ -446,17 +465,21 @@ class Quantizer {
   double scale = std::sqrt(options.target_quads / map_area);
   std::optional<Quantization> best;
   std::optional<detail::Quantizer> kept;
+  std::pair<double, double> best_rank;
   double below = 0, above = 0;  // scales that gave too few and too many
   int waited = 0;
   for (int round = 0; round < options.rounds && waited < 4; ++round) {
     detail::Quantizer quantizer(map, index, on_border, scale);
     double sigma = 1;
     bool valid = false;
-    for (int k = 0; k < 16 && !valid; ++k, sigma *= 1.4142135623730951) {
+    // Other sizes near round otherwise; from one far off the rows that are taken again seldom lead back to rings.
+    constexpr std::array<double, 8> near{1, 0.98, 1.02, 0.96, 1.04, 1.08, 1.13, 1.2};
+    for (std::size_t k = 0; k < near.size() + 15 && !valid; ++k) {
       if (context.cancelled()) return cancelled_error("quantization");
+      sigma = k < near.size() ? near[k] : sigma * 1.4142135623730951;
       valid = quantizer.start(sigma) && quantizer.repair();
-      if (valid) break;
     }
+
     if (!valid) {
       if (best) break;
       return Error{ErrorCode::stage_failed, "no valid integers found at any size", "quantization",
@@ -468,8 +491,11 @@ class Quantizer {
     result.start_scale = sigma;
     const double quads = result.quads, miss = std::abs(quads / options.target_quads - 1);
     ++waited;
-    if (!best || miss < std::abs(best->quads / options.target_quads - 1)) {
+    // Of counts that are near enough the integers that bend the map the least, else the nearest count.
+    const std::pair rank{miss > 0.6 * options.tolerance ? miss : 0.0, quantizer.distortion()};
+    if (!best || rank < best_rank) {
       best = std::move(result);
+      best_rank = rank;
       kept.emplace(std::move(quantizer));
       waited = 0;
     }
