@@ -108,7 +108,8 @@ endif()
 
 if(HOW STREQUAL "wrong_version")
   execute_process(COMMAND ${CMAKE_COMMAND} -S "${CMAKE_CURRENT_LIST_DIR}/wrong_version" -B "${work}/build"
-    "-DCMAKE_PREFIX_PATH=${prefix}" "-DCMAKE_CXX_COMPILER=${COMPILER}" RESULT_VARIABLE code ERROR_VARIABLE error)
+    "-DCMAKE_PREFIX_PATH=${prefix}" "-DCMAKE_CXX_COMPILER=${COMPILER}" -G Ninja RESULT_VARIABLE code
+    ERROR_VARIABLE error)
   if(code EQUAL 0 OR NOT error MATCHES "version: 0\\.1\\.0")
     message(FATAL_ERROR "version 0.2 was asked for, 0.1.0 is there, and the answer was: ${error}")
   endif()
