@@ -158,6 +158,8 @@ class Quantizer {
     }
     return total;
   }
+  /// Nodes searched so far.
+  [[nodiscard]] std::int64_t work() const { return work_; }
   [[nodiscard]] const std::vector<Gaussian>& edges() const { return omega_; }
 
  private:
@@ -476,6 +478,7 @@ class Quantizer {
     constexpr std::array<double, 8> near{1, 0.98, 1.02, 0.96, 1.04, 1.08, 1.13, 1.2};
     for (std::size_t k = 0; k < near.size() + 15 && !valid; ++k) {
       if (context.cancelled()) return cancelled_error("quantization");
+      if (k > 0 && k < near.size() && quantizer.work() > 1'000'000) continue;  // each search is long: far off at once
       sigma = k < near.size() ? near[k] : sigma * 1.4142135623730951;
       valid = quantizer.start(sigma) && quantizer.repair();
     }
