@@ -75,7 +75,7 @@ Expected<NodeTree> NodeTree::read(const State& state) {
   for (std::size_t i = 0; i < all.size(); ++i)
     if (tree.nodes[i].parent == Node::no_node) tree.order.push_back(i);
   for (std::size_t k = 0; k < tree.order.size(); ++k)
-    tree.order.insert(tree.order.end(), children[tree.order[k]].begin(), children[tree.order[k]].end());
+    for (const std::size_t child : children[tree.order[k]]) tree.order.push_back(child);
   if (tree.order.size() != all.size()) return state.bad("nodes", "form a cycle");
   return tree;
 }
