@@ -272,16 +272,14 @@ void add_stats(CLI::App& app, Run& run) {
       ->type_name("NAME");
   verb->add_option("--poses", options->poses, "Bend every bone, or of a glTF input sample its own clips")
       ->check(CLI::IsMember({"bends", "clips"}))
-      ->capture_default_str()
-      ->type_name("bends|clips");
+      ->option_text("bends|clips = bends");
   verb->add_option("--frames", options->frames, "Poses of all clips together, at most")
       ->check(CLI::Range(1, 100'000))
       ->capture_default_str()
       ->type_name("N");
   verb->add_option("--skinning", options->skinning, "Linear blend, or dual quaternions")
       ->check(CLI::IsMember({"linear", "dual"}))
-      ->capture_default_str()
-      ->type_name("linear|dual");
+      ->option_text("linear|dual = linear");
   verb->add_option("--samples", options->samples, "Points that distances are measured at")
       ->check(CLI::Range(100, 10'000'000))
       ->capture_default_str()
