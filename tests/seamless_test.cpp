@@ -258,6 +258,45 @@ TEST_CASE("seamless: correcting the lengths brings neighbours nearer and never t
   }
 }
 
+TEST_CASE("seamless: straightening turns edges less, stretches them more and keeps the map valid", "[seamless]") {
+  const FieldCase c = field_case(closed_surface(0), 0, 0.12);
+  Context context;
+  TargetEdges target = target_edges(c.mesh, c.connection, c.cut, c.field.frames.u, c.field.frames.v);
+  // Lengths that no map has, so that something has to give.
+  for (std::size_t h = 0; h < target.size(); ++h)
+    target[h] *= 1 + 0.5 * std::sin(5 * c.mesh.position(c.mesh.faces()(static_cast<Index>(h / 3), 0))[0]);
+  const auto unknowns = MapUnknowns<Complex>::create(c.mesh, c.cut, c.index(), c.aligned).value();
+  const auto turn_and_stretch = [&](int straightenings, double stretching) {
+    PoissonOptions options;
+    options.straightenings = straightenings;
+    options.stretching = stretching;
+    std::vector<Complex> x, z;
+    const auto report = solve_poisson<Complex>(c.mesh, unknowns, c.index(), target, options, x, z, context).value();
+    CHECK(report.defects.valid());
+    CHECK(report.straightenings == straightenings);
+    double turn = 0, stretch = 0;
+    for (std::size_t h = 0; h < z.size(); h += 3) {  // J = map · target⁻¹
+      const Complex a = target[h], b = target[h + 1], p = z[h + 1] - z[h], q = z[h + 2] - z[h + 1];
+      const double det = cross(a, b);
+      const double uu = (p.real() * b.imag() - q.real() * a.imag()) / det;
+      const double uv = (q.real() * a.real() - p.real() * b.real()) / det;
+      const double vu = (p.imag() * b.imag() - q.imag() * a.imag()) / det;
+      const double vv = (q.imag() * a.real() - p.imag() * b.real()) / det;
+      turn += det * (uv * uv + vu * vu);
+      stretch += det * ((uu - 1) * (uu - 1) + (vv - 1) * (vv - 1));
+    }
+    return std::pair{turn, stretch};
+  };
+  const auto [turn, stretch] = turn_and_stretch(0, 0.5);
+  const auto [less, more] = turn_and_stretch(3, 1.0 / 3);
+  CHECK(less < 0.8 * turn);
+  CHECK(more > stretch);
+  // With nothing given way it is the same solve again.
+  const auto [same, equal] = turn_and_stretch(2, 1);
+  CHECK(same == quadrig::test::Approx(turn));
+  CHECK(equal == quadrig::test::Approx(stretch));
+}
+
 TEST_CASE("untangle: flips made by hand are undone and transitions kept", "[seamless]") {
   const FieldCase c = field_case(closed_surface(1), 1, 0.12);
   auto map = seamless_case<Complex>(c);

@@ -13,6 +13,9 @@ namespace quadrig::detail {
 /// Quads of a greater least scaled Jacobian than this are not tried to be bettered on another way.
 inline constexpr double fine_enough = 0.3;
 
+/// Solves in which lengths give way to directions. Of the seamless map few: its sizes decide how many quads go where.
+inline constexpr int seamless_straightenings = 1, fine_straightenings = 3;
+
 /// What the map of one component starts from.
 struct MapInput {
   const TriangleMesh<double>& mesh;
@@ -115,6 +118,7 @@ template <class K>
       return status.error();
     PoissonOptions poisson;
     poisson.max_iterations = 20;
+    poisson.straightenings = seamless_straightenings;
     poisson.solver = options.solver;
     Expected<PoissonReport> solved = solve_poisson<K>(mesh, *unknowns, in.index, target, poisson, x, z, context);
     if (!solved) return solved.error();
@@ -193,6 +197,7 @@ template <class K>
     x = solution->unknown;
     PoissonOptions poisson;
     poisson.max_iterations = 25;
+    poisson.straightenings = fine_straightenings;
     poisson.solver = options.solver;
     poisson.fixed = unknowns->integer();
     std::vector<Complex> fine;

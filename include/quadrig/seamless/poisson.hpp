@@ -50,21 +50,44 @@ struct PoissonOptions {
   int max_iterations = 40;
   int patience = 5;  ///< iterations in a row that may pass without fewer defects
   std::string_view solver = default_solver_name;
+  int straightenings = 0;       ///< further solves of a valid map in which lengths give way to directions
+  double stretching = 1.0 / 3;  ///< what stretches a wanted quad in them, against what turns its edges; in (0, 1]
   /// Held unknowns (same order as the unknowns of the map); empty: none.
   std::span<const char> fixed;
 };
 
 struct PoissonReport {
   int iterations = 0;  ///< factorizations
+  int straightenings = 0;
   MapDefects defects;
   double distortion = 0;  ///< area-weighted mean of |s1 − 1| + |s2 − 1| over the target metric
 };
 
+namespace detail {
+
+/// The target with its lengths moved towards those of the map, each parameter by itself, by 1 − `stretching`.
+inline void give_way(const TargetEdges& target, const std::vector<Complex>& z, double stretching, TargetEdges& wanted) {
+  for (std::size_t h = 0; h + 2 < target.size(); h += 3) {
+    const Complex a = target[h], b = target[h + 1], p = z[h + 1] - z[h], q = z[h + 2] - z[h + 1];
+    const double det = cross(a, b);
+    if (!(det > 0)) continue;
+    const double u = (p.real() * b.imag() - q.real() * a.imag()) / det;
+    const double v = (q.imag() * a.real() - p.imag() * b.real()) / det;
+    const double along_u = std::clamp(stretching + (1 - stretching) * u, 0.5, 2.0);
+    const double along_v = std::clamp(stretching + (1 - stretching) * v, 0.5, 2.0);
+    for (std::size_t k = h; k < h + 3; ++k) wanted[k] = {along_u * target[k].real(), along_v * target[k].imag()};
+  }
+}
+
+}  // namespace detail
+
 /// Minimizes Σ_f w_f ∫ |Dz G⁻¹ − I|² over the target triangles, so that the error is relative to the wanted quad;
 /// raises w where triangles flip or distort far more than their neighbours. On return x holds the solution with the
 /// fewest defects.
-/// `x` on entry gives the values of the fixed unknowns.
-/// \cost one analysis, one factorization an iteration.
+/// A valid map is straightened: its own stretch along the wanted directions becomes part of what is wanted, by the
+/// share that makes turning cost 1 / stretching times what stretching costs (local and global steps in turn). Where
+/// that flips a triangle the map before stays. `x` on entry gives the values of the fixed unknowns. \cost one analysis,
+/// one factorization an iteration, one solve a straightening.
 template <class K>
 [[nodiscard]] Expected<PoissonReport> solve_poisson(const TriangleMesh<double>& mesh, const MapUnknowns<K>& unknowns,
                                                     const std::vector<Index>& index, const TargetEdges& target,
@@ -91,15 +114,16 @@ template <class K>
   if (!solver) return solver.error();
 
   std::vector<double> weight(at(m), 1.0), delta(at(m));
+  TargetEdges wanted = target;  // with lengths that gave way
   const RowTerm poisson{"poisson", [&](EmitRow<K> emit) {
                           for (Index h = 0; h < 3 * m; ++h)
                             for (int c = 0; c < MapUnknowns<K>::components; ++c) {
                               const auto row = unknowns.edge(h, c);
                               K rhs;
                               if constexpr (MapUnknowns<K>::components == 1)
-                                rhs = target[at(h)];
+                                rhs = wanted[at(h)];
                               else
-                                rhs = c == 0 ? target[at(h)].real() : target[at(h)].imag();
+                                rhs = c == 0 ? wanted[at(h)].real() : wanted[at(h)].imag();
                               emit({row.at, row.coefficient, rhs, 0.5 * weight[at(h / 3)] * cotangent[at(h)]});
                             }
                         }};
@@ -109,20 +133,25 @@ template <class K>
   std::vector<Complex> best_z;
   Index fewest = std::numeric_limits<Index>::max();
   int waited = 0;
-  for (;;) {
+  // Assembles and solves; a straightening has the matrix of the iteration before.
+  const auto solve = [&](bool factorized) -> Status {
     if (context.cancelled()) return cancelled_error("seamless map");
-    if (Status status = form.assemble(poisson); !status.ok()) return status.error();
+    if (Status status = form.assemble(poisson); !status.ok()) return status;
     std::vector<K> free_values(at(form.free_count()));
     if (form.free_count() > 0) {
-      if (Status status = solver->prepare(form.matrix(), form.pattern_version(), context); !status.ok())
-        return status.error();
-      if (SolveInfo info = solver->solve(form.rhs(), free_values, context); !info.status.ok())
-        return info.status.error();
+      if (!factorized)
+        if (Status status = solver->prepare(form.matrix(), form.pattern_version(), context); !status.ok())
+          return status;
+      if (SolveInfo info = solver->solve(form.rhs(), free_values, context); !info.status.ok()) return info.status;
     }
     x = form.expand(free_values);
     z = unknowns.corners(x);
-    ++report.iterations;
     report.defects = check_map(mesh, index, z);
+    return {};
+  };
+  for (;;) {
+    if (Status status = solve(false); !status.ok()) return status.error();
+    ++report.iterations;
 
     // Signed singular values of the map relative to its target.
     double total = 0, distortion = 0;
@@ -151,11 +180,25 @@ template <class K>
       fewest = defects;
       best_x = x;
       best_z = z;
-      best = {report.iterations, report.defects, report.distortion};
+      best = report;
     }
     if (report.defects.valid() || report.iterations > options.max_iterations || waited >= options.patience ||
         form.free_count() == 0) {
       best.iterations = report.iterations;
+      double stretching = options.stretching;
+      for (int failures = 0; best.defects.valid() && failures < 2 && form.free_count() > 0;) {
+        if (best.straightenings >= options.straightenings) break;
+        detail::give_way(target, best_z, stretching, wanted);
+        if (Status status = solve(true); !status.ok()) return status.error();
+        if (!report.defects.valid()) {
+          stretching = (1 + stretching) / 2;
+          ++failures;
+          continue;
+        }
+        ++best.straightenings;
+        best_x = x;
+        best_z = z;
+      }
       x = std::move(best_x);
       z = std::move(best_z);
       return best;

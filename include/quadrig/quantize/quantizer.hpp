@@ -1,0 +1,578 @@
+// The state of one quantization: integer vectors on the coarse map, and moves that add or take one row of quads.
+#pragma once
+
+#include "quadrig/quantize/rings.hpp"
+
+namespace quadrig::detail {
+
+class Quantizer {
+ public:
+  /// \param rings of the map, which the energy asks to close: near_rings
+  Quantizer(const CoarseMap& map, const std::vector<Index>& index, const std::vector<char>& on_border,
+            const std::vector<Ring>& rings, double scale)
+      : map_(map), index_(index), on_border_(on_border), rings_(rings) {
+    const Index n = map.halfedge_count();
+    wanted_.resize(at(n));
+    weight_.resize(at(n));
+    omega_.assign(at(n), Gaussian{});
+    for (Index h = 0; h < n; ++h) {
+      wanted_[at(h)] = scale * map.vector[at(h)];
+      weight_[at(h)].fill(relative(h));
+    }
+    weigh_shear();
+    weigh_rings(scale);
+    distance_.assign(at(4 * n), 0);
+    from_.assign(at(4 * n), no_index);
+    stamp_.assign(at(4 * n), 0);
+  }
+
+  /// Rounds at `sigma` times the wanted size and closes every triangle. False where that is not possible.
+  bool start(double sigma) {
+    for (Index h = 0; h < map_.halfedge_count(); ++h) {
+      if (map_.twin[at(h)] != no_index && map_.twin[at(h)] < h) continue;
+      const Complex d = sigma * wanted_[at(h)];
+      Gaussian w{std::llround(d.real()), std::llround(d.imag())};
+      if (map_.aligned[at(h)] == Aligned::v_constant) w.im = 0;
+      if (map_.aligned[at(h)] == Aligned::u_constant) w.re = 0;
+      if (ring_zero(w)) {
+        if (std::abs(d.real()) >= std::abs(d.imag()))
+          w = {d.real() < 0 ? -1 : 1, 0};
+        else
+          w = {0, d.imag() < 0 ? -1 : 1};
+      }
+      set(h, w);
+    }
+    for (Index f = 0; f < map_.face_count(); ++f)
+      while (!ring_zero(sum(f)))
+        if (!route_defect(f)) return false;
+    return true;
+  }
+
+  /// Moves until no triangle is inverted, or none helps.
+  bool repair() {
+    for (int pass = 0; pass < 50; ++pass) {
+      std::vector<Index> bad;
+      for (Index f = 0; f < map_.face_count(); ++f)
+        if (area(f) <= 0) bad.push_back(f);
+      if (bad.empty()) return cones_right();
+      bool improved = false;
+      for (const Index f : bad) {
+        if (area(f) > 0) continue;
+        for (Index h = 3 * f; h < 3 * f + 3 && area(f) <= 0; ++h)
+          for (int a = 0; a < 4 && area(f) <= 0; ++a) improved = try_strip(h, a, Aim::repair) || improved;
+      }
+      if (!improved) return false;
+    }
+    return false;
+  }
+
+  /// Adds and takes rows while the energy falls. \pre valid
+  int descend(const Context& context) {
+    int moves = 0;
+    const std::int64_t enough = work_ + 8'000'000;
+    for (int pass = 0; pass < 200; ++pass) {
+      int accepted = 0;
+      for (Index h = 0; h < map_.halfedge_count(); ++h) {
+        if (context.cancelled() || work_ > enough) return moves + accepted;
+        for (int a = 0; a < 4; ++a)
+          while (change(h, a) < -1e-12 && try_strip(h, a, Aim::energy)) ++accepted;
+      }
+      moves += accepted;
+      if (accepted == 0) break;
+    }
+    return moves;
+  }
+
+  /// Moves the rows that close rings where that is worth what it bends, and descends from there. \pre valid
+  int close_rings(const Context& context) {
+    int moves = 0;
+    const std::int64_t enough = work_ + 2'000'000;
+    for (int pass = 0; pass < 6; ++pass) {
+      int accepted = 0;
+      for (std::size_t ring = 0; ring < rings_.size(); ++ring)
+        for (int guard = 0; guard < 4 && pitch(ring) != 0; ++guard) {
+          if (context.cancelled() || work_ > enough) return moves + accepted;
+          if (!close_ring(ring)) break;
+          ++accepted;
+        }
+      if (accepted == 0) break;
+      moves += accepted + descend(context);
+    }
+    return moves;
+  }
+
+  /// Adds or takes the rows that bring the count nearer to the target for the least energy a quad, until it is within
+  /// the tolerance or none does. \pre valid
+  int steer(double target, double tolerance, const Context& context) {
+    int moves = 0;
+    const std::int64_t enough = work_ + 8'000'000;
+    for (; moves < 24 && work_ < enough && std::abs(quads() / target - 1) > tolerance; ++moves) {
+      missing_ = target - quads();
+      best_price_ = std::numeric_limits<double>::infinity();
+      best_changes_.clear();
+      for (Index h = 0; h < map_.halfedge_count(); ++h) {
+        if (context.cancelled()) return moves;
+        if (map_.twin[at(h)] != no_index && map_.twin[at(h)] < h) continue;
+        for (int a = 0; a < 4; ++a) {
+          const Gaussian w = omega_[at(h)], d = axis(a);
+          const std::int64_t longer = w.re * d.re + w.im * d.im;
+          if (longer != 0 && (longer > 0) == (missing_ > 0)) try_strip(h, a, Aim::count);
+        }
+      }
+      if (best_changes_.empty()) break;
+      for (const auto& [h, delta] : best_changes_) set(h, omega_[at(h)] + delta);
+    }
+    return moves;
+  }
+
+  [[nodiscard]] bool cones_right() const {
+    for (Index h = 0; h < map_.halfedge_count(); ++h)
+      if (!cone_right(h)) return false;
+    return true;
+  }
+  [[nodiscard]] double quads() const {
+    double total = 0;
+    for (Index f = 0; f < map_.face_count(); ++f) total += static_cast<double>(area(f));
+    return total / 2;
+  }
+  /// Σ of the squared relative errors alone.
+  [[nodiscard]] double energy() const {
+    double total = 0;
+    for (Index h = 0; h < map_.halfedge_count(); ++h)
+      if (map_.twin[at(h)] == no_index || map_.twin[at(h)] > h)
+        total += relative(h) * std::norm(to_field(omega_[at(h)]) - wanted_[at(h)]);
+    return total;
+  }
+  /// Dirichlet energy of the change over all triangles, what turns edges counted more. No matter of the size of quads.
+  [[nodiscard]] double distortion() const {
+    double total = 0;
+    for (Index f = 0; f < map_.face_count(); ++f) {
+      const Complex a = wanted_[at(3 * f)], b = wanted_[at(3 * f + 1)];
+      const double det = cross(a, b);
+      if (!(det > 1e-9)) continue;
+      const Complex ea = to_field(omega_[at(3 * f)]) - a, eb = to_field(omega_[at(3 * f + 1)]) - b;
+      const auto slope = [&](double along_a, double along_b) {
+        return std::pair{(along_a * b.imag() - along_b * a.imag()) / det,
+                         (along_b * a.real() - along_a * b.real()) / det};
+      };
+      const auto [xx, xy] = slope(ea.real(), eb.real());
+      const auto [yx, yy] = slope(ea.imag(), eb.imag());
+      total += det / 2 * (xx * xx + yy * yy + turning * (xy * xy + yx * yx));
+    }
+    return total;
+  }
+  /// Σ over the rings of their squared slopes, as the energy counts them.
+  [[nodiscard]] double spirals() const {
+    double total = 0;
+    for (std::size_t ring = 0; ring < rings_.size(); ++ring) {
+      const auto off = static_cast<double>(pitch(ring));
+      total += ring_weight_[ring] * off * off;
+    }
+    return total;
+  }
+  /// Nodes searched so far.
+  [[nodiscard]] std::int64_t work() const { return work_; }
+  [[nodiscard]] const std::vector<Gaussian>& edges() const { return omega_; }
+
+ private:
+  static constexpr double broken = 1e6;  // dwarfs any energy
+  static constexpr double turning = 4;   // what turns edges against what stretches them
+  /// What a strip is tried for. For the count it is only remembered where it is the best so far.
+  enum class Aim : std::uint8_t { repair, energy, count };
+
+  [[nodiscard]] static Gaussian axis(int a) { return rotated(Gaussian{1, 0}, a); }
+  [[nodiscard]] static Index next(Index h) { return h % 3 == 2 ? h - 2 : h + 1; }
+  [[nodiscard]] static Index prev(Index h) { return h % 3 == 0 ? h + 2 : h - 1; }
+
+  [[nodiscard]] double relative(Index h) const { return 1 / std::max(std::norm(wanted_[at(h)]), 1e-4); }
+  /// Next to the relative error of each edge a part of the Dirichlet energy of the change. There what turns the edges
+  /// of quads counts more than what stretches them: where the ends of a limb's long edges are off by one row, its rings
+  /// become spirals.
+  void weigh_shear() {
+    constexpr double part = 0.05;
+    std::vector<std::array<double, 2>> cotangent(weight_.size(), {0, 0});
+    for (Index h = 0; h < map_.halfedge_count(); ++h) {
+      const Complex a = -wanted_[at(next(h))], b = wanted_[at(prev(h))];
+      const double area = 2 * std::max(std::abs(cross(a, b)), 1e-9);
+      const double x = a.real() * b.real() / area, y = a.imag() * b.imag() / area;
+      const std::array<double, 2> own{turning * x + y, x + turning * y};
+      cotangent[at(h)][0] += own[0];
+      cotangent[at(h)][1] += own[1];
+      if (const Index g = map_.twin[at(h)]; g != no_index) {
+        const bool odd = (map_.rotation[at(h)] & 1) != 0;
+        cotangent[at(g)][0] += own[odd];
+        cotangent[at(g)][1] += own[!odd];
+      }
+    }
+    for (std::size_t h = 0; h < weight_.size(); ++h)
+      for (int c = 0; c < 2; ++c) weight_[h][c] += part * std::clamp(cotangent[h][c], 0.05, 3 * turning);
+  }
+
+  void set(Index h, Gaussian w) {
+    omega_[at(h)] = w;
+    if (const Index g = map_.twin[at(h)]; g != no_index) omega_[at(g)] = -rotated(w, map_.rotation[at(h)]);
+  }
+  [[nodiscard]] Gaussian sum(Index f) const {
+    return omega_[at(3 * f)] + omega_[at(3 * f + 1)] + omega_[at(3 * f + 2)];
+  }
+  [[nodiscard]] std::int64_t area(Index f) const { return cross(omega_[at(3 * f)], omega_[at(3 * f + 1)]); }
+  [[nodiscard]] double cost(Index h, Gaussian w) const {
+    const Complex off = to_field(w) - wanted_[at(h)];
+    const auto& [x, y] = weight_[at(h)];
+    return x * off.real() * off.real() + y * off.imag() * off.imag();
+  }
+  /// Energy that ω_h + i^a adds.
+  [[nodiscard]] double change(Index h, int a) const {
+    return cost(h, omega_[at(h)] + axis(a)) - cost(h, omega_[at(h)]);
+  }
+  [[nodiscard]] bool forbidden(Index h, int a) const {
+    const Aligned aligned = map_.aligned[at(h)];
+    if (aligned == Aligned::none) return false;
+    return (aligned == Aligned::v_constant) == ((a & 1) != 0);
+  }
+  [[nodiscard]] bool cone_right(Index h) const {
+    constexpr double half_pi = 1.57079632679489661923;
+    const Index v = map_.origin[at(h)];
+    Index start = h;
+    if (on_border_[at(v)])
+      while (map_.twin[at(start)] != no_index) start = next(map_.twin[at(start)]);
+    double total = 0;
+    Index e = start;
+    do {
+      total += std::arg(to_field(-omega_[at(prev(e))]) * std::conj(to_field(omega_[at(e)])));
+      e = map_.twin[at(prev(e))];
+    } while (e != no_index && e != start);
+    const double wanted = (on_border_[at(v)] ? 2 : 4) - index_[at(v)];
+    return std::abs(total / half_pi - wanted) < 0.5;
+  }
+
+  void weigh_rings(double scale) {
+    constexpr double slope =
+        2000;  // what a squared slope costs: one row off in 45 as much as one edge off by its length
+    const auto states = 4 * omega_.size();
+    ring_effect_.assign(rings_.size() * states, 0);
+    for (std::size_t ring = 0; ring < rings_.size(); ++ring) {
+      const double length = scale * rings_[ring].length;
+      ring_weight_.push_back(slope / (length * length));
+      for (const auto& [h, turn] : rings_[ring].walk)
+        for (int a = 0; a < 4; ++a) {
+          const Gaussian gain = axis(a + turn);
+          const auto across = static_cast<std::int8_t>(rings_[ring].across(gain.re, gain.im));
+          ring_effect_[ring * states + at(4 * h + a)] += across;
+          if (const Index other = reversed(4 * h + a); other != no_index)
+            ring_effect_[ring * states + at(other)] += across;
+        }
+    }
+  }
+  /// How many quads beside its beginning a ring comes back.
+  [[nodiscard]] std::int64_t pitch(std::size_t ring) const {
+    Gaussian sum{};
+    for (const auto& [h, turn] : rings_[ring].walk) sum = sum + rotated(omega_[at(h)], turn & 3);
+    return rings_[ring].across(sum.re, sum.im);
+  }
+  /// The same strip the other way: what the half-edge across receives. no_index on the border.
+  [[nodiscard]] Index reversed(Index node) const {
+    const Index g = map_.twin[at(node / 4)];
+    return g == no_index ? no_index : 4 * g + ((node + 2 + map_.rotation[at(node / 4)]) & 3);
+  }
+
+  /// Price of passing through a face: +i^a on `entry`, −i^a on `exit`.
+  [[nodiscard]] double passage(Index entry, Index exit, int a) const {
+    const Gaussian in = omega_[at(entry)] + axis(a), out = omega_[at(exit)] - axis(a);
+    if (ring_zero(out)) return 10 * broken;
+    // `exit` is next or previous; two of the three vectors give the area of a closed triangle.
+    const std::int64_t after = exit == next(entry) ? cross(in, out) : cross(out, in);
+    double price = std::max(0.0, cost(exit, out) - cost(exit, omega_[at(exit)]));
+    if (after <= 0 && area(entry / 3) > 0) price += broken;
+    return price + 1e-9;
+  }
+
+  /// Sends one unit of the defect of face f to a face where it cancels.
+  bool route_defect(Index f) {
+    const Gaussian defect = sum(f);
+    const int a = defect.re != 0 ? (defect.re > 0 ? 0 : 2) : (defect.im > 0 ? 1 : 3);
+    begin_search();
+    for (Index h = 3 * f; h < 3 * f + 3; ++h) {
+      if (forbidden(h, a)) continue;
+      const Gaussian out = omega_[at(h)] - axis(a);
+      leave(h, a, ring_zero(out) ? 10 * broken : std::max(0.0, cost(h, out) - cost(h, omega_[at(h)])), no_index);
+    }
+    for (Index node = pop(); node != no_index; node = pop()) {
+      const Index h = node / 4, g = h / 3;
+      const int b = node % 4;
+      const Gaussian there = g == f ? sum(g) - axis(a) : sum(g);
+      if (open_end(node) || rotated(there, -b).re < 0) {
+        apply_path(node);
+        return true;
+      }
+      for (const Index exit : {next(h), prev(h)})
+        if (!forbidden(exit, b)) leave(exit, b, distance_[at(node)] + passage(h, exit, b), node);
+    }
+    return false;
+  }
+
+  /// Cheapest closed (or border to border) strip through +i^a on h; kept when it makes things better.
+  bool try_strip(Index h, int a, Aim aim) {
+    if (forbidden(h, a)) return false;
+    const Index goal = 4 * h + a;
+    const double start_change = change(h, a);
+    const double budget = aim == Aim::repair   ? std::numeric_limits<double>::infinity()
+                          : aim == Aim::energy ? std::min(broken / 2, -3 * start_change)
+                                               : broken / 2;
+    begin_search();
+    // Forward from the face of h; on the border the strip is completed on the other side afterwards.
+    const auto expand = [&](Index entry, int b, double so_far, Index node) {
+      for (const Index exit : {next(entry), prev(entry)}) {
+        if (forbidden(exit, b)) continue;
+        const double price = so_far + passage(entry, exit, b);
+        if (price > budget) continue;
+        leave(exit, b, price, node);
+      }
+    };
+    const bool border_start = map_.twin[at(h)] == no_index;
+    expand(h, a, 0, no_index);
+    Index end = no_index;
+    for (Index node = pop(); node != no_index; node = pop()) {
+      if (node == goal || (border_start && open_end(node))) {
+        end = node;
+        break;
+      }
+      if (open_end(node)) continue;
+      expand(node / 4, node % 4, distance_[at(node)], node);
+    }
+    if (end == no_index && !border_start && has_border()) return try_open_strip(h, a, aim, budget);
+    if (end == no_index) return false;
+    changes_.clear();
+    if (border_start) changes_.push_back({h, axis(a)});
+    gather_path(end);
+    return apply_if_better(aim);
+  }
+
+  /// A strip through h whose two ends lie on the border: forward from h, then forward from its twin.
+  bool try_open_strip(Index h, int a, Aim aim, double budget) {
+    changes_.clear();
+    changes_.push_back({h, axis(a)});
+    const Index g = map_.twin[at(h)];
+    const int b = (a + 2 + map_.rotation[at(h)]) & 3;  // what the twin receives: −i^r i^a
+    double spent = 0;
+    for (const auto& [entry, direction] : {std::pair{h, a}, std::pair{g, b}}) {
+      begin_search();
+      const auto expand = [&](Index in, int c, double so_far, Index node) {
+        for (const Index exit : {next(in), prev(in)}) {
+          if (forbidden(exit, c)) continue;
+          const double price = so_far + passage(in, exit, c);
+          if (price <= budget) leave(exit, c, price, node);
+        }
+      };
+      expand(entry, direction, spent, no_index);
+      Index end = no_index;
+      for (Index node = pop(); node != no_index; node = pop()) {
+        if (open_end(node)) {
+          end = node;
+          break;
+        }
+        expand(node / 4, node % 4, distance_[at(node)], node);
+      }
+      if (end == no_index) return false;
+      spent = distance_[at(end)];
+      gather_path(end);
+    }
+    return apply_if_better(aim);
+  }
+
+  /// Cheapest closed strips that change the pitch of a ring to 0, or by one towards it: the first that makes things
+  /// better is kept. A search over pairs of state and change so far.
+  bool close_ring(std::size_t ring) {
+    const Index states = 4 * map_.halfedge_count();
+    const std::int8_t* const effect = ring_effect_.data() + ring * at(states);
+    const std::int64_t off = pitch(ring);
+    const int sign = off > 0 ? -1 : 1;
+    const int all = static_cast<int>(std::min<std::int64_t>(std::abs(off), 3));
+    constexpr int most = 3, levels = 2 * most + 1;
+    // Rings that are closed are not to be opened: crossing them costs what that would.
+    std::vector<double> toll(at(states), 0);
+    for (std::size_t other = 0; other < rings_.size(); ++other)
+      if (other != ring && pitch(other) == 0)
+        for (std::size_t node = 0; node < toll.size(); ++node)
+          toll[node] += ring_weight_[other] * std::abs(static_cast<int>(ring_effect_[other * toll.size() + node]));
+    ring_distance_.resize(at(levels * states));
+    ring_from_.resize(at(levels * states));
+    struct Strip {
+      double price;
+      std::vector<std::pair<Index, Gaussian>> changes;
+    };
+    std::vector<Strip> strips;
+    // No dearer than what it can gain, nor much dearer than others.
+    double budget = std::min(broken / 2, ring_weight_[ring] * static_cast<double>(off * off));
+    for (const auto& step : rings_[ring].walk)
+      for (int a = 0; a < 4; ++a) {
+        const Index root = 4 * step.first + a;
+        if (effect[root] * sign <= 0 || forbidden(step.first, a) || map_.twin[at(step.first)] == no_index) continue;
+        std::fill(ring_distance_.begin(), ring_distance_.end(), std::numeric_limits<double>::infinity());
+        queue_ = {};
+        const auto expand = [&](Index node, int level, double so_far, Index key) {
+          const Index entry = node / 4;
+          for (const Index exit : {next(entry), prev(entry)}) {
+            const Index g = map_.twin[at(exit)];
+            if (g == no_index || forbidden(exit, node % 4)) continue;
+            const Index reached = 4 * g + ((node + map_.rotation[at(exit)]) & 3);
+            const double price = so_far + passage(entry, exit, node % 4) + toll[at(reached)];
+            const int there = level + (reached == root ? 0 : effect[reached]);
+            if (price > budget || there < -most || there > most) continue;
+            const Index slot = (there + most) * states + reached;
+            if (ring_distance_[at(slot)] <= price) continue;
+            ring_distance_[at(slot)] = price;
+            ring_from_[at(slot)] = key;
+            queue_.push({price, slot});
+          }
+        };
+        expand(root, effect[root], 0, no_index);
+        int wanted = all > 1 ? 2 : 1;
+        while (!queue_.empty() && wanted > 0) {
+          const auto [price, key] = queue_.top();
+          queue_.pop();
+          ++work_;
+          if (price > ring_distance_[at(key)]) continue;
+          const Index node = key % states;
+          const int level = static_cast<int>(key / states) - most;
+          if (node != root) {
+            expand(node, level, price, key);
+          } else if (level == sign || level == sign * all) {
+            --wanted;
+            Strip strip{price, {}};
+            for (Index k = key; k != no_index; k = ring_from_[at(k)])
+              strip.changes.push_back({k % states / 4, axis(k % states % 4)});
+            budget = std::min(budget, 2 * price + 0.1);
+            strips.push_back(std::move(strip));
+          }
+        }
+      }
+    std::stable_sort(strips.begin(), strips.end(), [](const Strip& x, const Strip& y) { return x.price < y.price; });
+    for (Strip& strip : strips) {
+      changes_ = std::move(strip.changes);
+      if (apply_if_better(Aim::energy)) return true;
+    }
+    return false;
+  }
+
+  [[nodiscard]] bool has_border() {
+    if (border_known_ == 0) {
+      border_known_ = 1;
+      for (const Index g : map_.twin)
+        if (g == no_index) border_known_ = 2;
+    }
+    return border_known_ == 2;
+  }
+
+  // Search nodes are 4 t + a: ω_t has just received +i^a from across. An exit through the border is the node of the
+  // border half-edge itself, marked by `leave` with the direction reversed.
+  void begin_search() {
+    ++search_;
+    queue_ = {};
+  }
+  void leave(Index exit, int a, double price, Index node) {
+    const Index g = map_.twin[at(exit)];
+    const Index reached = g == no_index ? 4 * exit + ((a + 2) & 3) : 4 * g + ((a + map_.rotation[at(exit)]) & 3);
+    if (stamp_[at(reached)] == search_ && distance_[at(reached)] <= price) return;
+    stamp_[at(reached)] = search_;
+    distance_[at(reached)] = price;
+    from_[at(reached)] = node;
+    queue_.push({price, reached});
+  }
+  [[nodiscard]] Index pop() {
+    while (!queue_.empty()) {
+      const auto [price, node] = queue_.top();
+      queue_.pop();
+      ++work_;
+      if (price <= distance_[at(node)]) return node;
+    }
+    return no_index;
+  }
+  [[nodiscard]] bool open_end(Index node) const { return map_.twin[at(node / 4)] == no_index; }
+
+  void gather_path(Index end) {
+    for (Index node = end; node != no_index; node = from_[at(node)]) changes_.push_back({node / 4, axis(node % 4)});
+  }
+  void apply_path(Index end) {
+    changes_.clear();
+    gather_path(end);
+    for (const auto& [h, delta] : changes_) set(h, omega_[at(h)] + delta);
+  }
+
+  bool apply_if_better(Aim aim) {
+    // Several passes through one edge add up, so the true effect is known only after all are applied.
+    touched_.clear();
+    for (const auto& [h, delta] : changes_) {
+      touched_.push_back(h / 3);
+      if (const Index g = map_.twin[at(h)]; g != no_index) touched_.push_back(g / 3);
+    }
+    std::sort(touched_.begin(), touched_.end());
+    touched_.erase(std::unique(touched_.begin(), touched_.end()), touched_.end());
+    const auto bad = [&] {
+      return std::count_if(touched_.begin(), touched_.end(), [&](Index f) { return area(f) <= 0; });
+    };
+    const auto energy_of_touched = [&] {
+      double total = 0;
+      for (const Index f : touched_)
+        for (Index h = 3 * f; h < 3 * f + 3; ++h) total += cost(h, omega_[at(h)]);
+      return total + spirals();
+    };
+    const auto area_of_touched = [&] {
+      std::int64_t total = 0;
+      for (const Index f : touched_) total += area(f);
+      return static_cast<double>(total) / 2;
+    };
+    const auto bad_before = bad();
+    const double before = energy_of_touched(), area_before = area_of_touched();
+    saved_.clear();
+    for (const Index f : touched_)
+      for (Index h = 3 * f; h < 3 * f + 3; ++h) saved_.push_back(omega_[at(h)]);
+    for (const auto& [h, delta] : changes_) set(h, omega_[at(h)] + delta);
+    const auto bad_after = bad();
+    double price = 0;
+    bool good = bad_after < bad_before;
+    if (aim == Aim::energy) good = bad_after == 0 && energy_of_touched() < before - 1e-9;
+    if (aim == Aim::count) {
+      const double gained = std::abs(missing_) - std::abs(missing_ - (area_of_touched() - area_before));
+      price = (energy_of_touched() - before) / gained;
+      good = bad_after == 0 && gained > 0.5 && price < best_price_;
+    }
+    if (good && aim != Aim::repair)
+      for (const Index f : touched_)
+        for (Index h = 3 * f; h < 3 * f + 3 && good; ++h) good = cone_right(h);
+    if (good && aim == Aim::count) {
+      best_price_ = price;
+      best_changes_ = changes_;
+    } else if (good) {
+      return true;
+    }
+    std::size_t k = 0;
+    for (const Index f : touched_)
+      for (Index h = 3 * f; h < 3 * f + 3; ++h) omega_[at(h)] = saved_[k++];
+    return false;
+  }
+
+  const CoarseMap& map_;
+  const std::vector<Index>& index_;
+  const std::vector<char>& on_border_;
+  const std::vector<Ring>& rings_;
+  std::vector<double> ring_weight_;       // of the squared pitch
+  std::vector<std::int8_t> ring_effect_;  // per ring and search node: what it adds to the pitch
+  std::vector<double> ring_distance_;     // per level and search node
+  std::vector<Index> ring_from_;
+  std::vector<Complex> wanted_;
+  std::vector<std::array<double, 2>> weight_;  // of the squared error of both components
+  std::vector<Gaussian> omega_, saved_;
+  std::vector<double> distance_;
+  std::vector<Index> from_, touched_;
+  std::vector<std::uint32_t> stamp_;
+  std::uint32_t search_ = 0;
+  int border_known_ = 0;
+  std::vector<std::pair<Index, Gaussian>> changes_, best_changes_;
+  double missing_ = 0, best_price_ = 0;
+  std::int64_t work_ = 0;  // nodes searched, which bounds what a map of very many cones may cost
+  using Entry = std::pair<double, Index>;
+  std::priority_queue<Entry, std::vector<Entry>, std::greater<>> queue_;
+};
+
+}  // namespace quadrig::detail
