@@ -226,7 +226,7 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
     for (Index h = 0; h < mesh.halfedge_count(); ++h)
       if (mesh.twin(h) == no_index || (crease < 3.14 && dihedral_angle(mesh, h) > crease)) held[at(h / 3)] = 1;
     surgery.split_extremes(0.75 * edge);
-    surgery.cancel_pairs(0.75 * edge);
+    surgery.cancel_pairs(2 * edge);
 
     // The map, and where it fails the field again with the pair of singularities next to the failure cancelled.
     for (int operation = 0; operation <= max_operations; ++operation) {
