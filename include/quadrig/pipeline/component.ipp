@@ -229,6 +229,7 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
     surgery.cancel_pairs(2 * edge);
 
     // The map, and where it fails the field again with the pair of singularities next to the failure cancelled.
+    std::size_t troubled = std::numeric_limits<std::size_t>::max();
     for (int operation = 0; operation <= max_operations; ++operation) {
       if (Status status = surgery.apply(held, context); !status.ok()) {
         leave("field: " + status.error().message());
@@ -292,7 +293,10 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
       leave(mapped.error().what);
       if (best) break;
       flat += trouble.empty();
-      if (trouble.empty() || !surgery.cancel_near(trouble)) break;
+      // Where many triangles are in trouble and fewer pairs do not help, no single pair will.
+      const bool hopeless = trouble.size() > 30 && trouble.size() >= troubled;
+      troubled = trouble.size();
+      if (trouble.empty() || hopeless || !surgery.cancel_near(trouble)) break;
       surgery.split_extremes(0.75 * edge);
     }
   }
