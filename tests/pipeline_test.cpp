@@ -99,17 +99,30 @@ bool same_bytes(const QuadMesh& a, const QuadMesh& b) {
 TEST_CASE("remesh: small surfaces of every kind come out valid", "[pipeline]") {
   for (const SyntheticCase& c : synthetic_cases()) {
     // The small ones; all of them in the slow test.
-    static constexpr std::array<std::string_view, 22> small{"sphere_16",       "torus_coarse",
-                                                            "cube_3",          "tetrahedron",
-                                                            "wedge",           "pyramid",
-                                                            "l_shape",         "frame",
-                                                            "ladder_2",        "cage",
-                                                            "slivers_cube",    "slivers_torus",
-                                                            "units_tiny_cube", "units_huge_sheet",
-                                                            "triangle",        "square_2",
-                                                            "skewed",          "ragged_42",
-                                                            "annulus_0.5",     "cube_open",
-                                                            "parts_mixed",     "parts_of_all_sizes"};
+    static constexpr std::array<std::string_view, 24> small{"sphere_16",
+                                                            "torus_coarse",
+                                                            "cube_3",
+                                                            "tetrahedron",
+                                                            "wedge",
+                                                            "pyramid",
+                                                            "l_shape",
+                                                            "frame",
+                                                            "ladder_2",
+                                                            "cage",
+                                                            "slivers_cube",
+                                                            "slivers_torus",
+                                                            "units_tiny_cube",
+                                                            "units_huge_sheet",
+                                                            "triangle",
+                                                            "square_2",
+                                                            "skewed",
+                                                            "ragged_42",
+                                                            "annulus_0.5",
+                                                            "cube_open",
+                                                            "parts_mixed",
+                                                            "parts_of_all_sizes",
+                                                            "mask",
+                                                            "sliver"};
     if (std::find(small.begin(), small.end(), c.name) == small.end()) continue;
     INFO(c.name);
     const Asset asset = asset_of(c.make());

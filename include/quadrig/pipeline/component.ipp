@@ -47,6 +47,40 @@ inline std::vector<Aligned> alignment(const TriangleMesh<double>& mesh, const Co
   return aligned;
 }
 
+inline double least_jacobian(const QuadMesh& quads) {
+  double least = 1;
+  for (Index q = 0; q < quads.quad_count(); ++q)
+    least = std::min(least, scaled_jacobian(quads.positions, quads.quads.row(q)));
+  return least;
+}
+
+/// Takes every vertex to its source, but for those on which a quad would be inverted: how many.
+inline Index onto_surface(const TriangleMesh<double>& mesh, QuadMesh& quads) {
+  const Points<double> beside = quads.positions;
+  std::vector<char> moved(at(quads.vertex_count()), 0);
+  Index left = 0;
+  for (Index v = 0; v < quads.vertex_count(); ++v) {
+    const Vector3 p = position(mesh, quads.source[at(v)]);
+    if (!((p - beside.row(v).transpose()).norm() > 1e-9 * mesh.diagonal())) continue;
+    quads.positions.row(v) = p.transpose();
+    moved[at(v)] = 1;
+  }
+  for (bool again = true; again;) {
+    again = false;
+    for (Index q = 0; q < quads.quad_count(); ++q) {
+      if (scaled_jacobian(quads.positions, quads.quads.row(q)) > 0) continue;
+      for (int i = 0; i < 4; ++i) {
+        const Index v = quads.quads(q, i);
+        if (!std::exchange(moved[at(v)], char{0})) continue;
+        quads.positions.row(v) = beside.row(v);
+        ++left;
+        again = true;
+      }
+    }
+  }
+  return left;
+}
+
 QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& shared, std::span<const Index> faces,
                                                           double quads, const Context& outer) {
   const RemeshOptions& options = shared.options;
@@ -60,13 +94,7 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
   if (context.cancelled()) return cancelled_error("remesh");
   const double area = original.asset.mesh.total_area();
   const double edge = std::sqrt(area / quads);
-  const auto finish = [&](const TriangleMesh<double>& mesh, std::span<const Index> parent, QuadMesh quad_mesh) {
-    for (Index v = 0; v < quad_mesh.vertex_count(); ++v) {
-      SurfacePoint& s = quad_mesh.source[at(v)];
-      const Vector3 p = position(mesh, s);
-      s = point_in_face(shared.asset.mesh, parent[at(s.face)], p);
-      quad_mesh.positions.row(v) = position(shared.asset.mesh, s).transpose();
-    }
+  const auto finish = [&](QuadMesh quad_mesh) {
     result.report.quads = quad_mesh.quad_count();
     result.report.irregular = quad_topology(quad_mesh.quads, quad_mesh.vertex_count()).irregular;
     result.mesh = std::move(quad_mesh);
@@ -81,8 +109,25 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
   // That many triangles a quad carry a map as well as any number.
   const auto stand_in_faces = std::max<Index>(4000, static_cast<Index>(20 * quads));
   std::vector<Attempt> attempts{{0.5, 1.5, true}, {1, 1.0, true}, {1, 0, true}, {2, 0.7, false}, {4, 0, false}};
-  if (original.asset.mesh.face_count() > std::max<Index>(20'000, 2 * stand_in_faces))
+  bool noise = false;  // edges that no quad will ever see
+  for (Index h = 0; h < original.asset.mesh.halfedge_count() && !noise; ++h)
+    noise = original.asset.mesh.edge_vector(h).norm() < 1e-5 * edge;
+  if (noise || original.asset.mesh.face_count() > std::max<Index>(20'000, 2 * stand_in_faces))
     attempts.insert(attempts.begin(), {0.5, 0, true});
+  const auto split = [&]() -> Expected<ComponentResult> {
+    const TriangleMesh<double>& mesh = original.asset.mesh;
+    SplitOptions split_options;
+    split_options.quads = std::max<Index>(1, static_cast<Index>(std::lround(quads)));
+    split_options.polish = options.polish;
+    Expected<SplitQuads> made = split_quads(mesh, split_options, context);
+    if (!made) return made.error();
+    if (const Index beside = onto_surface(mesh, made->mesh); beside > 0)
+      context.warn("remesh", count_of(beside, "quad corner") + " beside the surface: on it a quad would be inverted");
+    for (SurfacePoint& s : made->mesh.source) s.face = original.parent[at(s.face)];
+    result.report.rung = Rung::split;
+    finish(std::move(made->mesh));
+    return std::move(result);
+  };
   // The best so far of quads that are valid but poor, with the surface that they lie on.
   struct Best {
     QuadMesh quads;
@@ -95,18 +140,28 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
   };
   std::optional<Best> best;
   int poor = 0;  // attempts begun since
-  const auto settle = [&] {
+  const auto settle = [&]() -> Expected<ComponentResult> {
+    QuadMesh& found = best->quads;
+    for (Index v = 0; v < found.vertex_count(); ++v) {
+      SurfacePoint& s = found.source[at(v)];
+      s = point_in_face(shared.asset.mesh, best->parent[at(s.face)], position(best->surface, s));
+      found.positions.row(v) = position(shared.asset.mesh, s).transpose();
+    }
+    if (!(least_jacobian(found) > 0)) {
+      result.report.reasons.push_back("a quad is inverted where it lies on the surface's own triangles");
+      return split();
+    }
     result.report.rung = best->rung;
     result.report.singularities = best->singularities;
     result.field = std::move(best->field);
-    finish(best->surface, best->parent, std::move(best->quads));
+    finish(std::move(found));
     return std::move(result);
   };
   int flat = 0;  // valid maps whose quads would lie flat in space: another field seldom helps
   static constexpr int max_operations = 3;
   for (const Attempt& attempt : attempts) {
     if (context.cancelled()) return cancelled_error("remesh");
-    if (flat > 2 || (best && ++poor > 1)) break;
+    if (flat > 3 || (best && ++poor > 1)) break;
     const auto leave = [&](const std::string& reason) {
       result.report.reasons.push_back("smoothing over " + std::to_string(attempt.smoothing).substr(0, 3) +
                                       " quads: " + reason);
@@ -121,7 +176,8 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
       piece = std::move(*made);
     } else {
       piece = original;
-      if (Status status = refine_piece(piece, attempt.longest_edge * edge, context); !status.ok()) {
+      const auto most = static_cast<Index>(20'000 + std::min(100 * quads, 2e6));  // what is all needles has no end
+      if (Status status = refine_piece(piece, attempt.longest_edge * edge, most, context); !status.ok()) {
         leave(status.error().message());
         continue;
       }
@@ -170,9 +226,10 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
     for (Index h = 0; h < mesh.halfedge_count(); ++h)
       if (mesh.twin(h) == no_index || (crease < 3.14 && dihedral_angle(mesh, h) > crease)) held[at(h / 3)] = 1;
     surgery.split_extremes(0.75 * edge);
-    surgery.cancel_pairs(0.75 * edge);
+    surgery.cancel_pairs(2 * edge);
 
     // The map, and where it fails the field again with the pair of singularities next to the failure cancelled.
+    std::size_t troubled = std::numeric_limits<std::size_t>::max();
     for (int operation = 0; operation <= max_operations; ++operation) {
       if (Status status = surgery.apply(held, context); !status.ok()) {
         leave("field: " + status.error().message());
@@ -189,6 +246,11 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
               " of too few or too many quads, one of " +
               std::to_string((mesh.on_boundary(first) ? 2 : 4) - index[at(first)]) +
               (mesh.on_boundary(first) ? " on the border" : ""));
+        break;
+      }
+      const auto corners = std::count_if(index.begin(), index.end(), [](Index i) { return i != 0; });
+      if (static_cast<double>(corners) > std::max(60.0, quads / 2)) {
+        leave(std::to_string(corners) + " singularities and corners, too many for so few quads");
         break;
       }
       FrameField frames = field->frames;
@@ -231,20 +293,15 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
       leave(mapped.error().what);
       if (best) break;
       flat += trouble.empty();
-      if (trouble.empty() || !surgery.cancel_near(trouble)) break;
+      // Where many triangles are in trouble and fewer pairs do not help, no single pair will.
+      const bool hopeless = trouble.size() > 30 && trouble.size() >= troubled;
+      troubled = trouble.size();
+      if (trouble.empty() || hopeless || !surgery.cancel_near(trouble)) break;
       surgery.split_extremes(0.75 * edge);
     }
   }
 
-  if (best) return settle();
-  SplitOptions split_options;
-  split_options.quads = std::max<Index>(1, static_cast<Index>(std::lround(quads)));
-  split_options.polish = options.polish;
-  Expected<SplitQuads> split = split_quads(original.asset.mesh, split_options, context);
-  if (!split) return split.error();
-  result.report.rung = Rung::split;
-  finish(original.asset.mesh, original.parent, std::move(split->mesh));
-  return result;
+  return best ? settle() : split();
 }
 
 }  // namespace quadrig::detail

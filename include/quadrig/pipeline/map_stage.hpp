@@ -145,6 +145,7 @@ template <class K>
   }
   lap(seconds.map);
   if (!valid) return map_error(out.reasons.back());
+  trouble.clear();
 
   const double scale = std::sqrt(in.quads / map_area(z));
   for (Complex& p : z) p *= scale;
@@ -236,6 +237,9 @@ template <class K>
     out.reasons.push_back(fine_quads.error().what);
   }
   auto [quads, report] = polished(std::move(*coarse_quads));
+  // Straight lines leave more to be done than a fine map does.
+  for (int again = 0; again < 3 && report.least_after > sound; ++again)
+    std::tie(quads, report) = polished(std::move(quads));
   if (fine && fine->second.least_after > std::max(sound, report.least_after - 0.1)) {
     out.quads = std::move(fine->first);
     out.least = fine->second.least_after;

@@ -73,15 +73,16 @@ inline void replace_mesh(Piece& piece, Refinement&& finer) {
   return split_edges(mesh, marked);
 }
 
-/// Edge lengths at most `target`.
-inline Status refine_piece(Piece& piece, double target, Context& context) {
+/// Edge lengths at most `target`. \fails unsupported where that takes more than `most` faces and four times those it
+/// has
+inline Status refine_piece(Piece& piece, double target, Index most, Context& context) {
   const TriangleMesh<double>& mesh = piece.asset.mesh;
   bool needed = false;
   for (Index h = 0; h < mesh.halfedge_count() && !needed; ++h) needed = mesh.edge_vector(h).norm() > target;
   if (!needed) return {};
   const auto length = [&](Index) { return target; };
   RefineOptions options;
-  options.max_faces = std::max<Index>(4 * mesh.face_count(), 2'000'000);
+  options.max_faces = std::max<Index>(4 * mesh.face_count(), most);
   Expected<Refinement> finer = refine(mesh, length, options, context);
   if (!finer) return finer.error();
   replace_mesh(piece, std::move(*finer));

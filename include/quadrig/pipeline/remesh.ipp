@@ -23,6 +23,9 @@ QUADRIG_INLINE Status RemeshOptions::validate() const {
 
 namespace detail {
 
+/// Fewer close no surface: a box.
+inline constexpr double least_quads = 6;
+
 /// Sizes that a preset stands for.
 inline SizingOptions preset_sizing(FieldPreset preset, bool rigged) {
   SizingOptions sizing;
@@ -121,6 +124,22 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
     share[c] += mesh.area(f) * (sized ? sizes.density[at(f)] : 1.0);
   }
   for (const double s : share) whole += s;
+  // The smallest parts need more quads than are due to them: the others make up for it.
+  std::vector<double> due(faces.size());
+  double left = options.quads, rest = whole;
+  for (bool again = true; again;) {
+    again = false;
+    for (std::size_t c = 0; c < faces.size(); ++c) {
+      if (due[c] > 0 || !(left * share[c] < detail::least_quads * rest)) continue;
+      due[c] = detail::least_quads;
+      left -= due[c];
+      rest -= share[c];
+      again = left > 0;
+    }
+  }
+  left = std::max(left, 0.5 * options.quads);
+  for (std::size_t c = 0; c < faces.size(); ++c)
+    if (!(due[c] > 0)) due[c] = std::max(1.0, left * share[c] / rest);
   const detail::RemeshShared shared{
       asset, connection, options, sizing, sized ? &sizes : nullptr, metric ? &*metric : nullptr};
   std::vector<std::optional<Expected<detail::ComponentResult>>> parts(faces.size());
@@ -130,7 +149,7 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
       Context inner;
       inner.cancel_flag = context.cancel_flag;
       inner.threads = faces.size() > 1 ? 1 : context.threads;
-      parts[c] = detail::remesh_component(shared, faces[c], std::max(1.0, options.quads * share[c] / whole), inner);
+      parts[c] = detail::remesh_component(shared, faces[c], due[c], inner);
     }
   };
   context.parallel_for(faces.size(), 1, work);

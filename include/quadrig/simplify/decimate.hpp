@@ -61,6 +61,7 @@ class Decimator {
     faces_.resize(m);
     alive_ = mesh.face_count();
     unit_cost_ = (uniformity + 0.02) * std::pow(width, 4) / 2;
+    noise_ = 1e-4 * width;
     std::vector<std::size_t> valence(n, 0);
     for (Index h = 0; h < mesh.halfedge_count(); ++h) ++valence[at(mesh.origin(h))];
     for (std::size_t v = 0; v < n; ++v) {
@@ -218,6 +219,7 @@ class Decimator {
   }
 
   bool keeps_shape(Index from, Index to, const Rule& rule) const {
+    if ((point(to) - point(from)).squaredNorm() < noise_ * noise_) return keeps_large_faces(from, to);
     double worst = 1;
     Vector3 ring = Vector3::Zero();
     for (const Index f : around_[at(from)]) {
@@ -238,6 +240,22 @@ class Decimator {
       };
       // A needle's own normal may say little: the ring's is as good.
       if (turned(old) && (old_quality > 0.05 || turned(ring))) return false;
+    }
+    return true;
+  }
+
+  /// Of a collapse that hardly moves anything: faces narrower than noise have no shape to keep.
+  bool keeps_large_faces(Index from, Index to) const {
+    for (const Index f : around_[at(from)]) {
+      Face face = faces_[at(f)];
+      if (has(face, to)) continue;
+      const Vector3 old = cross(face);
+      double longest = 0;
+      for (std::size_t i = 0; i < 3; ++i)
+        longest = std::max(longest, (point(face[(i + 1) % 3]) - point(face[i])).squaredNorm());
+      if (old.squaredNorm() < 16 * noise_ * noise_ * longest) continue;
+      std::replace(face.begin(), face.end(), from, to);
+      if (!(cross(face).dot(old) > 0)) return false;
     }
     return true;
   }
@@ -313,6 +331,7 @@ class Decimator {
   std::uint32_t mark_ = 0;
   std::priority_queue<Candidate> queue_;
   Index alive_ = 0;
+  double noise_ = 0;      // edges shorter than this are no part of the shape
   double unit_cost_ = 0;  // of a triangle of the wanted size that is a seventh of its width off the surface
 };
 
