@@ -49,13 +49,14 @@ struct MapDefects {
 struct PoissonOptions {
   int max_iterations = 40;
   int patience = 5;  ///< iterations in a row that may pass without fewer defects
-  std::string_view solver = default_solver_name;
+  SolverChoice solver{};
   /// Held unknowns (same order as the unknowns of the map); empty: none.
   std::span<const char> fixed;
 };
 
 struct PoissonReport {
-  int iterations = 0;  ///< factorizations
+  int iterations = 0;   ///< factorizations
+  std::string backend;  ///< what solved, in words; empty where no unknown was free
   MapDefects defects;
   double distortion = 0;  ///< area-weighted mean of |s1 − 1| + |s2 − 1| over the target metric
 };
@@ -87,7 +88,7 @@ template <class K>
   if (!options.fixed.empty())
     for (Index k = 0; k < unknowns.count(); ++k)
       if (options.fixed[at(k)]) form.fix(k, x[at(k)]);
-  Expected<AnySolver<K>> solver = make_solver<K>(options.solver);
+  Expected<AnySolver<K>> solver = options.solver.factory<K>()();
   if (!solver) return solver.error();
 
   std::vector<double> weight(at(m), 1.0), delta(at(m));
@@ -118,6 +119,7 @@ template <class K>
         return status.error();
       if (SolveInfo info = solver->solve(form.rhs(), free_values, context); !info.status.ok())
         return info.status.error();
+      report.backend = solver->description();
     }
     x = form.expand(free_values);
     z = unknowns.corners(x);
@@ -151,7 +153,7 @@ template <class K>
       fewest = defects;
       best_x = x;
       best_z = z;
-      best = {report.iterations, report.defects, report.distortion};
+      best = report;
     }
     if (report.defects.valid() || report.iterations > options.max_iterations || waited >= options.patience ||
         form.free_count() == 0) {
