@@ -19,7 +19,8 @@ template Expected<PowerFieldResult> design_power_field(const TriangleMesh<double
 template std::vector<Index> power_field_index(const TriangleMesh<double>&, const Connection<double>&,
                                               const PowerField&);
 template Expected<DensityTargets> smooth_log_densities(const TriangleMesh<double>&, const Matching&,
-                                                       const DensityTargets&, double, Context&, std::string_view);
+                                                       const DensityTargets&, double, Context&,
+                                                       const SolverFactory<double>&);
 
 template class BasicFieldSolver<float>;
 template struct BasicFieldOptions<float>;
@@ -29,6 +30,7 @@ template Expected<PowerFieldResult> design_power_field(const TriangleMesh<float>
                                                        const PowerFieldOptions&, Context&);
 template std::vector<Index> power_field_index(const TriangleMesh<float>&, const Connection<float>&, const PowerField&);
 template Expected<DensityTargets> smooth_log_densities(const TriangleMesh<float>&, const Matching&,
-                                                       const DensityTargets&, double, Context&, std::string_view);
+                                                       const DensityTargets&, double, Context&,
+                                                       const SolverFactory<float>&);
 
 }  // namespace quadrig

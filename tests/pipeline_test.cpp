@@ -238,6 +238,36 @@ TEST_CASE("remesh: edges keep to the bones and ring the limbs, whatever was done
   }
 }
 
+TEST_CASE("remesh: every stage solves with the backend that is asked for, and tells", "[pipeline]") {
+  Context context;
+  const Asset asset = make_sample("humanoid", 6000, context).value();
+  RemeshOptions options = wanting(600);
+  CHECK(remesh(asset, options, context).value().report.backends.map == "automatic: supernodal, minimum degree");
+  options.solver = "supernodal/dissection";
+  const RemeshResult named = remesh(asset, options, context).value();
+  int reals = 0, complexes = 0;
+  options.solver = "eigen";
+  options.solver.own_real = [&] { return ++reals, make_solver<double>("supernodal/dissection"); };
+  options.solver.own_complex = [&] { return ++complexes, make_solver<Complex>("supernodal/dissection"); };
+  const RemeshResult own = remesh(asset, options, context).value();
+  for (const RemeshReport* report : {&named.report, &own.report}) {
+    CHECK(report->backends.field == "supernodal, nested dissection");
+    CHECK(report->backends.target == "supernodal, nested dissection");
+    CHECK(report->backends.map == "supernodal, nested dissection");
+    CHECK((report->backends.surgery == "" || report->backends.surgery == "supernodal, nested dissection"));
+    CHECK((report->backends.untangling == "" || report->backends.untangling == "supernodal, nested dissection"));
+  }
+  options.solver = "petsc";  // known, but not made from a name
+  const auto refused = remesh(asset, options, context);
+  REQUIRE(!refused);
+  CHECK(refused.error().code == ErrorCode::unsupported);
+  CHECK(own.report.field.solver == "own");
+  CHECK(reals >= 2);  // sizes and target
+  CHECK(complexes >= 2);
+  CHECK(named.mesh.quads == own.mesh.quads);
+  CHECK(named.mesh.positions == own.mesh.positions);
+}
+
 TEST_CASE("remesh: units and places do not matter", "[pipeline]") {
   using namespace synthetic;
   const Soup soup = clipped(torus_mesh(30, 14, 1, 0.35), [](const Vector3& p) { return p[0] - 1.2; });

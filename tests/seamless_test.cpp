@@ -1,4 +1,5 @@
 #include "map_shapes.hpp"
+#include "quadrig/field/surgery.hpp"
 #include "test.hpp"
 
 #include <Eigen/LU>
@@ -250,7 +251,7 @@ TEST_CASE("seamless: correcting the lengths brings neighbours nearer and never t
   CHECK(target_area(target) == quadrig::test::Approx(c.mesh.total_area() / (0.12 * 0.12)));
   const double before = target_curl(c.mesh, c.cut, target);
   const TargetEdges original = target;
-  REQUIRE(correct_log_scale(c.mesh, c.cut, c.index(), LogScaleOptions{}, target, context).ok());
+  REQUIRE(correct_log_scale(c.mesh, c.cut, c.index(), LogScaleOptions{}, target, context));
   CHECK(target_curl(c.mesh, c.cut, target) < 0.9 * before);
   for (std::size_t h = 0; h < target.size(); ++h) {
     CHECK(target[h].real() * original[h].real() >= 0);
@@ -295,6 +296,72 @@ TEST_CASE("seamless: straightening turns edges less, stretches them more and kee
   const auto [same, equal] = turn_and_stretch(2, 1);
   CHECK(same == quadrig::test::Approx(turn));
   CHECK(equal == quadrig::test::Approx(stretch));
+}
+
+TEST_CASE("seamless: every system is solved by the backend that is asked for", "[seamless]") {
+  FieldCase c = field_case(closed_surface(1), 1, 0.12);
+  Context context;
+  const Error refusal{ErrorCode::unsupported, "not today", "a solver of one's own", {}};
+  int made = 0;
+  SolverChoice counted("supernodal/dissection");
+  counted.own_real = [&] { return ++made, make_solver<double>("eigen"); };
+  SolverChoice refused("eigen");
+  refused.own_real = [&]() -> Expected<AnySolver<double>> { return refusal; };
+
+  TargetEdges target = target_edges(c.mesh, c.connection, c.cut, c.field.frames.u, c.field.frames.v);
+  LogScaleOptions scales;
+  scales.solver = counted.factory<double>();
+  CHECK(correct_log_scale(c.mesh, c.cut, c.index(), scales, target, context).value().backend == "eigen");
+  CHECK(made == 1);
+  scales.solver = refused.factory<double>();
+  CHECK(correct_log_scale(c.mesh, c.cut, c.index(), scales, target, context).error().what == refusal.what);
+
+  const auto unknowns = MapUnknowns<double>::create(c.mesh, c.cut, c.index(), c.aligned).value();
+  PoissonOptions poisson;
+  poisson.solver = counted;
+  std::vector<double> x;
+  std::vector<Complex> z;
+  CHECK(solve_poisson<double>(c.mesh, unknowns, c.index(), target, poisson, x, z, context).value().backend == "eigen");
+  CHECK(made == 2);
+  const auto complex_unknowns = MapUnknowns<Complex>::create(c.mesh, c.cut, c.index(), c.aligned).value();
+  std::vector<Complex> complex_x;
+  CHECK(solve_poisson<Complex>(c.mesh, complex_unknowns, c.index(), target, poisson, complex_x, z, context)
+            .value()
+            .backend == "supernodal, nested dissection");
+  poisson.solver = refused;
+  CHECK(solve_poisson<double>(c.mesh, unknowns, c.index(), target, poisson, x, z, context).error().what ==
+        refusal.what);
+
+  // A regular vertex thrown far off leaves flips for untangling.
+  Index v = 0;
+  while (c.index()[quadrig::detail::at(v)] != 0) ++v;
+  Index h = c.mesh.outgoing(v);
+  const Index start = h;
+  do {
+    z[quadrig::detail::at(h)] += rotated(Complex(3, 1), c.cut.corner_rotation[quadrig::detail::at(h)]);
+    h = c.mesh.next_around(h);
+  } while (h != start);
+  UntangleOptions untangling;
+  untangling.solver = refused.factory<double>();
+  std::vector<Complex> copy = z;
+  CHECK(untangle(c.mesh, c.cut, c.index(), c.aligned, target, untangling, copy, context).error().what == refusal.what);
+  untangling.solver = counted.factory<double>();
+  CHECK(untangle(c.mesh, c.cut, c.index(), c.aligned, target, untangling, z, context).value().backend == "eigen");
+  CHECK(made >= 3);
+
+  FieldSurgery refusing(c.mesh, c.field.frames, c.field.matching, c.field.singularities, {}, 1,
+                        refused.factory<double>());
+  CHECK(refusing.apply({}, context).ok());  // nothing to solve
+  refusing.move_unit(start);
+  CHECK(refusing.apply({}, context).error().what == refusal.what);
+  made = 0;
+  FieldSurgery surgery(c.mesh, c.field.frames, c.field.matching, c.field.singularities, {}, 1,
+                       counted.factory<double>());
+  CHECK(surgery.backend() == "");
+  surgery.move_unit(start);
+  REQUIRE(surgery.apply({}, context).ok());
+  CHECK(surgery.backend() == "eigen");
+  CHECK(made == 1);
 }
 
 TEST_CASE("untangle: flips made by hand are undone and transitions kept", "[seamless]") {

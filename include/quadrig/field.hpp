@@ -65,7 +65,8 @@ struct BasicFieldOptions {
 
   FrameLimits limits{};
   std::string solver{default_solver_name};
-  SolverFactory<K> own_solver{};  ///< in the place of `solver` where set
+  SolverFactory<K> own_solver{};            ///< in the place of `solver` where set
+  SolverFactory<Scalar> own_real_solver{};  ///< likewise for the systems of densities
 
   /// \fails bad_option, naming the field
   [[nodiscard]] Status validate(Index faces) const;

@@ -32,7 +32,7 @@ struct RemeshOptions {
   /// Edges that bend more than this become edges of quads, radians; π: none.
   double crease_angle_radians = 3.14159265358979323846;
   PolishOptions polish;
-  std::string solver{default_solver_name};
+  SolverChoice solver{};  ///< of every stage
 
   /// \fails bad_option, naming the field
   [[nodiscard]] Status validate() const;
@@ -62,6 +62,11 @@ struct StageSeconds {
   double metric = 0, field = 0, map = 0, integers = 0, extraction = 0, polish = 0, transfer = 0, total = 0;
 };
 
+/// What solved the systems of each stage, in words; empty where a stage had none.
+struct StageBackends {
+  std::string field, surgery, target, map, untangling;
+};
+
 struct RemeshReport {
   bool valid = false;
   Index quads = 0, vertices = 0, irregular = 0;
@@ -71,7 +76,8 @@ struct RemeshReport {
   std::vector<ComponentReport> components;
   StageSeconds seconds;  ///< summed over components, which may run side by side; `total` is the wall clock
   std::vector<Warning> warnings;
-  FieldReport field;  ///< of the largest component
+  FieldReport field;       ///< of the largest component
+  StageBackends backends;  ///< likewise
 };
 
 struct RemeshResult {
@@ -82,8 +88,8 @@ struct RemeshResult {
 
 /// Remeshes an asset that `prepare` let through. Components are remeshed apart, each with its share of the count.
 /// The result is the same bits for any number of threads.
-/// \fails bad_option; bad_input where the rig does not fit; stage_failed, naming the component and the stage, where no
-///   rung gives valid quads; cancelled.
+/// \fails bad_option; as the solver's factory does; bad_input where the rig does not fit; stage_failed, naming the
+///   component and the stage, where no rung gives valid quads; cancelled.
 [[nodiscard]] QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOptions& options,
                                                            Context& context);
 

@@ -67,7 +67,8 @@ struct SizeField {
 [[nodiscard]] inline Status apply_sizes(const TriangleMesh<double>& mesh, const Connection<double>& connection,
                                         const SizeField& sizes, const Connection<double>& parent_connection,
                                         std::span<const Index> parent, double quads, double area,
-                                        const Matching& matching, FrameField& frames, Context& context) {
+                                        const Matching& matching, FrameField& frames, Context& context,
+                                        const SolverFactory<double>& factory = solver_factory<double>()) {
   const auto m = static_cast<std::size_t>(mesh.face_count());
   const double mean = quads / area;
   DensityTargets wanted{std::vector<double>(m), std::vector<double>(m), std::vector<double>(m, 1.0)};
@@ -104,7 +105,7 @@ struct SizeField {
     wanted.log_v[at] = 0.5 * std::log(density * aspect);
   }
   const double edge = 1 / std::sqrt(mean);
-  Expected<DensityTargets> smooth = smooth_log_densities(mesh, matching, wanted, edge, context);
+  Expected<DensityTargets> smooth = smooth_log_densities(mesh, matching, wanted, edge, context, factory);
   if (!smooth) return smooth.error();
   apply_densities(frames, *smooth, 0, std::numeric_limits<double>::infinity());
   return {};

@@ -70,6 +70,11 @@ template <SparseScalar K>
 #endif
   }
 #endif
+  if (name == "petsc")
+    return Error{ErrorCode::unsupported,
+                 "PETSc's solver is not made from a name: it needs a communicator, one thread, and the same calls in "
+                 "the same order on every process",
+                 "solver petsc", "pass PetscCg of quadrig/solver/petsc.hpp as your own solver"};
   std::string known;
   for (const std::string_view each : solver_names()) {
     if (each == name)
@@ -86,6 +91,29 @@ template <SparseScalar K>
 [[nodiscard]] SolverFactory<K> solver_factory(std::string_view name = default_solver_name) {
   return [name = std::string(name)] { return make_solver<K>(name); };
 }
+
+/// What a job solves its systems with, complex or real: a backend by name, or the caller's own.
+struct SolverChoice {
+  std::string name{default_solver_name};
+  /// In the place of `name` where set, for systems of their numbers alone.
+  SolverFactory<Complex> own_complex{};
+  SolverFactory<double> own_real{};
+
+  SolverChoice() = default;
+  SolverChoice(std::string_view backend) : name(backend) {}
+  SolverChoice(const std::string& backend) : name(backend) {}
+  SolverChoice(const char* backend) : name(backend) {}
+
+  template <SparseScalar K>
+  [[nodiscard]] SolverFactory<K> factory() const {
+    if constexpr (std::is_same_v<K, double>) {
+      if (own_real) return own_real;
+    } else if constexpr (std::is_same_v<K, Complex>) {
+      if (own_complex) return own_complex;
+    }
+    return solver_factory<K>(name);
+  }
+};
 
 #if defined(QUADRIG_COMPILED)
 // The factorizations are costly to compile; the library has them.

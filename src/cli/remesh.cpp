@@ -39,7 +39,7 @@ Json options_json(const Options& o) {
   json["crease_degrees"] = o.crease_degrees > 0 ? Json(o.crease_degrees) : Json(nullptr);
   json["influences"] = o.remesh.influences;
   json["count_tolerance"] = o.remesh.count_tolerance;
-  json["solver"] = o.remesh.solver;
+  json["solver"] = o.remesh.solver.name;
   json["strict"] = o.input.load.prepare.strict;
   return json;
 }
@@ -158,6 +158,11 @@ void add_remesh_figures(Json& report, const RemeshReport& r, double read_seconds
                      {"index_sum", r.field.index_sum},
                      {"mean_angle_to_bone_deg", r.field.mean_angle_to_bone_deg},
                      {"residual", r.field.solve.residual}};
+  report["solvers"] = {{"field", r.backends.field},
+                       {"surgery", r.backends.surgery},
+                       {"target", r.backends.target},
+                       {"map", r.backends.map},
+                       {"untangling", r.backends.untangling}};
   report["seconds"] = {
       {"read", read_seconds},       {"metric", r.seconds.metric},     {"field", r.seconds.field},
       {"map", r.seconds.map},       {"integers", r.seconds.integers}, {"extraction", r.seconds.extraction},
@@ -253,7 +258,10 @@ void add_remesh(CLI::App& app, Run& run) {
       ->capture_default_str()
       ->type_name("SHARE")
       ->group(expert);
-  verb->add_option("--solver", remesh.solver, "Linear solver")->capture_default_str()->type_name("NAME")->group(expert);
+  verb->add_option("--solver", remesh.solver.name, "Linear solver")
+      ->capture_default_str()
+      ->type_name("NAME")
+      ->group(expert);
   verb->footer(R"(Examples:
   quadrig remesh arm.obj --rig arm.tgf --weights arm.dmat --quads 2000 -o quads.obj --weights-out quads.dmat
   quadrig remesh knight.glb --quads 4000 -o quads.glb --quads-out quads.obj

@@ -469,8 +469,9 @@ Expected<FieldResult> design_smooth_field(const FieldProblem<Scalar>& problem, c
   const std::vector<double> zero(m, 0.0);
   DensityTargets densities{zero, zero, zero};
   if (options.bone_density && problem.dominance) {
-    auto smoothed = smooth_log_densities(mesh, result->matching, bone_densities(problem, result->frames), length,
-                                         context, options.solver);
+    auto smoothed = smooth_log_densities(
+        mesh, result->matching, bone_densities(problem, result->frames), length, context,
+        options.own_real_solver ? options.own_real_solver : solver_factory<Scalar>(options.solver));
     if (!smoothed) return smoothed.error();
     densities = std::move(*smoothed);
   }

@@ -15,12 +15,11 @@ struct DensityTargets {
 /// an edge the density of u continues as that of u or of v, as the matching says. Targets are carried about
 /// `smoothing_length` (a length, not a fraction) far. Components without targets get 0.
 /// \pre one entry a face. \cost a sparse factorization with two unknowns a face.
-/// \fails bad_option on a length that is not positive; numeric; as make_solver does.
+/// \fails bad_option on a length that is not positive; numeric; as the factory does.
 template <class Scalar>
-[[nodiscard]] Expected<DensityTargets> smooth_log_densities(const TriangleMesh<Scalar>& mesh, const Matching& matching,
-                                                            const DensityTargets& targets, double smoothing_length,
-                                                            Context& context,
-                                                            std::string_view solver = default_solver_name);
+[[nodiscard]] Expected<DensityTargets> smooth_log_densities(
+    const TriangleMesh<Scalar>& mesh, const Matching& matching, const DensityTargets& targets, double smoothing_length,
+    Context& context, const SolverFactory<Scalar>& factory = solver_factory<Scalar>());
 
 /// Gives every frame the magnitudes exp(log_u), exp(log_v), clamped to [least, most]. \pre 0 < least ≤ most
 inline void apply_densities(FrameField& frames, const DensityTargets& densities, double least, double most) {

@@ -8,7 +8,7 @@ namespace quadrig {
 template <class Scalar>
 Expected<DensityTargets> smooth_log_densities(const TriangleMesh<Scalar>& mesh, const Matching& matching,
                                               const DensityTargets& targets, double smoothing_length, Context& context,
-                                              std::string_view solver_name) {
+                                              const SolverFactory<Scalar>& factory) {
   if (!(smoothing_length > 0))
     return Error{ErrorCode::bad_option, "a length is positive", "densities, smoothing_length", "use an edge length"};
   const double total = static_cast<double>(mesh.total_area());
@@ -42,7 +42,7 @@ Expected<DensityTargets> smooth_log_densities(const TriangleMesh<Scalar>& mesh, 
       }};
   QuadraticForm<Scalar> form(2 * mesh.face_count());
   if (Status status = form.assemble(smoothness, alignment); !status.ok()) return status.error();
-  auto solver = make_solver<Scalar>(solver_name);
+  auto solver = factory();
   if (!solver) return solver.error();
   if (Status status = solver->prepare(form.matrix(), form.pattern_version(), context); !status.ok())
     return status.error();

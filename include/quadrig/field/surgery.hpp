@@ -16,7 +16,8 @@ namespace quadrig {
 /// flattens the surface to them. Factorizes one Laplacian at its first use.
 class ScaleEnergy {
  public:
-  explicit ScaleEnergy(const TriangleMesh<double>& mesh) : mesh_(mesh) {}
+  explicit ScaleEnergy(const TriangleMesh<double>& mesh, SolverFactory<double> factory = solver_factory<double>())
+      : mesh_(mesh), factory_(std::move(factory)) {}
 
   /// \param index4 of every vertex. Infinity where the solve fails.
   [[nodiscard]] double operator()(const std::vector<Index>& index4) {
@@ -60,7 +61,7 @@ class ScaleEnergy {
                                 emit({where, factor, 0, std::clamp(0.5 / std::tan(opposite), 1e-3, 1e3)});
                               }
                             }};
-    Expected<AnySolver<double>> solver = make_solver<double>();
+    Expected<AnySolver<double>> solver = factory_();
     if (!solver || !form_->assemble(laplacian).ok()) return failed();
     solver_.emplace(std::move(*solver));
     return solver_->prepare(form_->matrix(), form_->pattern_version(), context_).ok() || failed();
@@ -71,6 +72,7 @@ class ScaleEnergy {
   }
 
   const TriangleMesh<double>& mesh_;
+  SolverFactory<double> factory_;
   std::vector<double> curvature_;
   std::optional<QuadraticForm<double>> form_;
   std::optional<AnySolver<double>> solver_;
@@ -85,13 +87,15 @@ class FieldSurgery {
   /// \param pull of each face, how strongly its direction was asked for (FieldResult::pull), or empty: frames that are
   ///   turned come back to it over `reach`, a length
   FieldSurgery(const TriangleMesh<double>& mesh, FrameField& frames, Matching& matching, Singularities& singularities,
-               std::span<const double> pull = {}, double reach = 1)
+               std::span<const double> pull = {}, double reach = 1,
+               SolverFactory<double> factory = solver_factory<double>())
       : mesh_(mesh),
         frames_(frames),
         matching_(matching),
         singularities_(singularities),
         pull_(pull),
         reach_(reach),
+        factory_(std::move(factory)),
         change_(at(mesh.halfedge_count()), 0.0) {}
 
   /// One unit of I4 goes from the origin of the half-edge to its target.
@@ -114,7 +118,7 @@ class FieldSurgery {
   /// gives a unit to a wide corner near, or inside. Returns how many units went.
   Index split_extremes(double spread) {
     Index split = 0;
-    ScaleEnergy energy(mesh_);
+    ScaleEnergy energy(mesh_, factory_);
     for (Index v = 0; v < mesh_.vertex_count(); ++v) {
       if (mesh_.outgoing(v) == no_index) continue;
       if (mesh_.on_boundary(v)) {
@@ -198,7 +202,8 @@ class FieldSurgery {
   /// Turns the frames by the least rotations that undo what the changed matching added to the turns across edges, all
   /// turns so far together being small where the direction was asked for; faces in `held` stay as they are. Turns that
   /// the field had before stay: smoothing them away would leave what the field was designed to follow.
-  /// \fails numeric. \cost one sparse factorization with one unknown a face; nothing where nothing was changed.
+  /// \fails numeric; as the factory does. \cost one sparse factorization with one unknown a face; nothing where nothing
+  /// was changed.
   Status apply(const std::vector<char>& held, Context& context) {
     if (moves_ == 0) return {};
     moves_ = 0;
@@ -230,10 +235,11 @@ class FieldSurgery {
                            emit({std::span(&f, 1), std::span(&one, 1), -turned_[at(f)], asked(f)});
                        }};
     if (Status status = form.assemble(turn); !status.ok()) return status;
-    Expected<AnySolver<double>> solver = make_solver<double>();
+    Expected<AnySolver<double>> solver = factory_();
     if (!solver) return solver.error();
     if (Status status = solver->prepare(form.matrix(), form.pattern_version(), context); !status.ok()) return status;
     std::vector<double> free_values(at(form.free_count()));
+    backend_ = solver->description();
     if (SolveInfo info = solver->solve(form.rhs(), free_values, context); !info.status.ok()) return info.status;
     const std::vector<double> delta = form.expand(free_values);
     std::fill(change_.begin(), change_.end(), 0.0);
@@ -250,6 +256,8 @@ class FieldSurgery {
       if (interior(v) && index(v) != 0) ++(index(v) > 0 ? singularities_.plus : singularities_.minus);
     return {};
   }
+  /// What solved the last of these systems, in words; empty before.
+  [[nodiscard]] const std::string& backend() const { return backend_; }
 
  private:
   /// Places evenly around an inner vertex for its units, about `spread` away: all of three or more, one of two. None
@@ -481,6 +489,8 @@ class FieldSurgery {
   Singularities& singularities_;
   std::span<const double> pull_;
   double reach_;
+  SolverFactory<double> factory_;
+  std::string backend_;
   std::vector<double> change_;  ///< of the angles across half-edges since frames were turned last
   std::vector<double> turned_;  // of each face, radians, since the field was made
   std::unordered_map<Index, std::pair<double, Index>> reached_;

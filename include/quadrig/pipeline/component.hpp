@@ -21,6 +21,7 @@ struct ComponentResult {
   ComponentReport report;
   StageSeconds seconds;
   FieldReport field;
+  StageBackends backends;
   std::vector<Warning> warnings;
 };
 

@@ -195,7 +195,9 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
     field_options.preset = options.preset;
     field_options.quad_edge = edge;
     field_options.merge_quads = attempt.smoothing;
-    field_options.solver = options.solver;
+    field_options.solver = options.solver.name;
+    field_options.own_solver = options.solver.own_complex;
+    field_options.own_real_solver = options.solver.own_real;
     field_options.bone_weight = options.directions.bones;
     field_options.curvature_weight = options.directions.curvature;
     field_options.bone_density = shared.sizing.density == DensitySource::field;
@@ -220,8 +222,10 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
       continue;
     }
     result.seconds.field += field->report.seconds;
+    result.backends.field = field->report.solve.backend;
+    const SolverFactory<double> real_solver = options.solver.factory<double>();
     const std::vector<Index>& index = field->singularities.index4;
-    FieldSurgery surgery(mesh, field->frames, field->matching, field->singularities, field->pull, edge);
+    FieldSurgery surgery(mesh, field->frames, field->matching, field->singularities, field->pull, edge, real_solver);
     std::vector<char> held(at(mesh.face_count()), 0);
     for (Index h = 0; h < mesh.halfedge_count(); ++h)
       if (mesh.twin(h) == no_index || (crease < 3.14 && dihedral_angle(mesh, h) > crease)) held[at(h / 3)] = 1;
@@ -235,6 +239,7 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
         leave("field: " + status.error().message());
         break;
       }
+      if (!surgery.backend().empty()) result.backends.surgery = surgery.backend();
       Index extreme = 0, first = no_index;
       for (Index v = 0; v < mesh.vertex_count(); ++v)
         if (index[at(v)] > 1 || index[at(v)] < (mesh.on_boundary(v) ? -2 : -3)) {
@@ -256,7 +261,7 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
       FrameField frames = field->frames;
       if (shared.sizes) {
         if (Status status = apply_sizes(mesh, connection, *shared.sizes, shared.connection, piece.parent, quads, area,
-                                        field->matching, frames, context);
+                                        field->matching, frames, context, real_solver);
             !status.ok()) {
           leave("sizes: " + status.error().message());
           break;
@@ -271,8 +276,9 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
       const TargetEdges target = target_edges(mesh, connection, cut, frames.u, frames.v);
       const MapInput input{mesh, connection, cut, index, aligned, target, quads, surface, onto};
       std::vector<Index> trouble;
-      Expected<MapOutput> mapped = pinned ? map_stage<double>(input, options, result.seconds, trouble, context)
-                                          : map_stage<Complex>(input, options, result.seconds, trouble, context);
+      Expected<MapOutput> mapped =
+          pinned ? map_stage<double>(input, options, result.seconds, result.backends, trouble, context)
+                 : map_stage<Complex>(input, options, result.seconds, result.backends, trouble, context);
       if (mapped) {
         const bool good = mapped->least > fine_enough;
         if (!best || mapped->least > best->least) {

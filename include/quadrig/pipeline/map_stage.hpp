@@ -81,7 +81,7 @@ inline std::string count_of(Index n, const char* what) { return std::to_string(n
 /// \param trouble faces at which no valid map was found, where that was the reason
 template <class K>
 [[nodiscard]] Expected<MapOutput> map_stage(const MapInput& in, const RemeshOptions& options, StageSeconds& seconds,
-                                            std::vector<Index>& trouble, Context& context) {
+                                            StageBackends& backends, std::vector<Index>& trouble, Context& context) {
   const TriangleMesh<double>& mesh = in.mesh;
   MapOutput out;
   Stopwatch watch;
@@ -114,14 +114,17 @@ template <class K>
     LogScaleOptions scales;
     scales.fidelity = fidelity;
     scales.largest = largest;
-    if (Status status = correct_log_scale(mesh, in.cut, in.index, scales, target, context); !status.ok())
-      return status.error();
+    scales.solver = options.solver.factory<double>();
+    Expected<LogScaleReport> scaled = correct_log_scale(mesh, in.cut, in.index, scales, target, context);
+    if (!scaled) return scaled.error();
+    backends.target = scaled->backend;
     PoissonOptions poisson;
     poisson.max_iterations = 20;
     poisson.straightenings = seamless_straightenings;
     poisson.solver = options.solver;
     Expected<PoissonReport> solved = solve_poisson<K>(mesh, *unknowns, in.index, target, poisson, x, z, context);
     if (!solved) return solved.error();
+    backends.map = solved->backend;
     valid = solved->defects.valid();
     if (valid) break;
     const Index defects = solved->defects.flips + solved->defects.wrong_cones;
@@ -132,15 +135,17 @@ template <class K>
                           count_of(solved->defects.flips, "flipped triangle") + ", " +
                           count_of(solved->defects.wrong_cones, "wrong cone"));
   }
+  UntangleOptions untangling;
+  untangling.solver = options.solver.factory<double>();
   // The nearest to valid first.
   std::stable_sort(candidates.begin(), candidates.end(),
                    [](const Tried& a, const Tried& b) { return a.defects < b.defects; });
   for (std::size_t k = 0; k < candidates.size() && !valid; ++k) {
     target = std::move(candidates[k].target);
     z = std::move(candidates[k].z);
-    Expected<UntangleReport> untangled =
-        untangle(mesh, in.cut, in.index, in.aligned, target, UntangleOptions{}, z, context);
+    Expected<UntangleReport> untangled = untangle(mesh, in.cut, in.index, in.aligned, target, untangling, z, context);
     if (!untangled) return untangled.error();
+    backends.untangling = untangled->backend;
     valid = untangled->defects.valid();
   }
   lap(seconds.map);
@@ -206,8 +211,9 @@ template <class K>
     if (!solved) return solved.error();
     if (!solved->defects.valid()) {
       Expected<UntangleReport> untangled =
-          untangle(mesh, in.cut, in.index, in.aligned, scaled, UntangleOptions{}, fine, context);
+          untangle(mesh, in.cut, in.index, in.aligned, scaled, untangling, fine, context);
       if (!untangled) return untangled.error();
+      backends.untangling = untangled->backend;
       if (untangled->defects.valid()) solved->defects = {};
     }
     lap(seconds.map);

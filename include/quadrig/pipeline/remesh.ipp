@@ -45,6 +45,9 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
   using detail::at;
   const Stopwatch total;
   if (Status status = options.validate(); !status.ok()) return status.error();
+  // A solver that cannot be had is an error, no reason for another rung.
+  if (const auto solver = options.solver.factory<Complex>()(); !solver) return solver.error();
+  if (const auto solver = options.solver.factory<double>()(); !solver) return solver.error();
   const TriangleMesh<double>& mesh = asset.mesh;
   if (mesh.face_count() == 0) return Error{ErrorCode::bad_input, "the mesh has no faces", "mesh", "give a surface"};
   if (options.preset == FieldPreset::thesis && !asset.rig)
@@ -189,6 +192,7 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
     if (part.report.faces > largest) {
       largest = part.report.faces;
       report.field = part.field;
+      report.backends = part.backends;
     }
     report.components.push_back(std::move(part.report));
   }

@@ -49,9 +49,9 @@ struct MapDefects {
 struct PoissonOptions {
   int max_iterations = 40;
   int patience = 5;  ///< iterations in a row that may pass without fewer defects
-  std::string_view solver = default_solver_name;
   int straightenings = 0;       ///< further solves of a valid map in which lengths give way to directions
   double stretching = 1.0 / 3;  ///< what stretches a wanted quad in them, against what turns its edges; in (0, 1]
+  SolverChoice solver{};
   /// Held unknowns (same order as the unknowns of the map); empty: none.
   std::span<const char> fixed;
 };
@@ -59,6 +59,7 @@ struct PoissonOptions {
 struct PoissonReport {
   int iterations = 0;  ///< factorizations
   int straightenings = 0;
+  std::string backend;  ///< what solved, in words; empty where no unknown was free
   MapDefects defects;
   double distortion = 0;  ///< area-weighted mean of |s1 − 1| + |s2 − 1| over the target metric
 };
@@ -110,7 +111,7 @@ template <class K>
   if (!options.fixed.empty())
     for (Index k = 0; k < unknowns.count(); ++k)
       if (options.fixed[at(k)]) form.fix(k, x[at(k)]);
-  Expected<AnySolver<K>> solver = make_solver<K>(options.solver);
+  Expected<AnySolver<K>> solver = options.solver.factory<K>()();
   if (!solver) return solver.error();
 
   std::vector<double> weight(at(m), 1.0), delta(at(m));
@@ -143,6 +144,7 @@ template <class K>
         if (Status status = solver->prepare(form.matrix(), form.pattern_version(), context); !status.ok())
           return status;
       if (SolveInfo info = solver->solve(form.rhs(), free_values, context); !info.status.ok()) return info.status;
+      report.backend = solver->description();
     }
     x = form.expand(free_values);
     z = unknowns.corners(x);

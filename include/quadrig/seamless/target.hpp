@@ -55,15 +55,20 @@ struct LogScaleOptions {
   double fidelity = 4;       ///< λ: resistance to leaving the wanted sizes
   double smoothness = 0.01;  ///< μ
   double largest = 4;        ///< corrections are clipped to [1/largest, largest]
+  SolverFactory<double> solver = solver_factory<double>();
+};
+struct LogScaleReport {
+  std::string backend;  ///< what solved, in words
 };
 
 /// Scales the two parameters of each face by e^a, e^b so that neighbours agree better along their common edge: one
 /// symmetric positive definite solve for log lengths on the vertices, where charts that differ by an odd turn swap
 /// a and b and a vertex of odd holonomy has a = b.
 /// \cost one factorization with at most 2 n unknowns.
-[[nodiscard]] inline Status correct_log_scale(const TriangleMesh<double>& mesh, const CutGraph& cut,
-                                              const std::vector<Index>& index, const LogScaleOptions& options,
-                                              TargetEdges& target, Context& context) {
+[[nodiscard]] inline Expected<LogScaleReport> correct_log_scale(const TriangleMesh<double>& mesh, const CutGraph& cut,
+                                                                const std::vector<Index>& index,
+                                                                const LogScaleOptions& options, TargetEdges& target,
+                                                                Context& context) {
   using detail::at;
   const Index m = mesh.face_count(), n = mesh.vertex_count();
   const auto variable = [&](Index corner, int component) {
@@ -133,12 +138,13 @@ struct LogScaleOptions {
         }
       }};
   QuadraticForm<double> form(2 * n);
-  if (Status status = form.assemble(curl, smooth, fidelity); !status.ok()) return status;
-  Expected<AnySolver<double>> solver = make_solver<double>();
+  if (Status status = form.assemble(curl, smooth, fidelity); !status.ok()) return status.error();
+  Expected<AnySolver<double>> solver = options.solver();
   if (!solver) return solver.error();
-  if (Status status = solver->prepare(form.matrix(), form.pattern_version(), context); !status.ok()) return status;
+  if (Status status = solver->prepare(form.matrix(), form.pattern_version(), context); !status.ok())
+    return status.error();
   std::vector<double> x(at(2 * n));
-  if (SolveInfo info = solver->solve(form.rhs(), x, context); !info.status.ok()) return info.status;
+  if (SolveInfo info = solver->solve(form.rhs(), x, context); !info.status.ok()) return info.status.error();
 
   std::vector<std::array<double, 2>> correction(at(m));
   std::vector<double> all;
@@ -157,7 +163,7 @@ struct LogScaleOptions {
     target[at(h)] = {target[at(h)].real() * std::exp(std::clamp(a - median, -bound, bound)),
                      target[at(h)].imag() * std::exp(std::clamp(b - median, -bound, bound))};
   }
-  return {};
+  return LogScaleReport{solver->description()};
 }
 
 }  // namespace quadrig

@@ -2,7 +2,7 @@
 #pragma once
 
 #include <Eigen/Eigenvalues>
-#include <Eigen/SparseCholesky>
+#include <Eigen/SparseCore>
 
 #include "quadrig/seamless/poisson.hpp"
 
@@ -14,11 +14,13 @@ struct UntangleOptions {
   int rings = 48;       ///< largest neighbourhood, in edges from a defect
   /// Triangles times steps that may be spent, beside 5 for every triangle of the mesh.
   std::int64_t work = 150'000;
+  SolverFactory<double> solver = solver_factory<double>();
 };
 
 struct UntangleReport {
   int iterations = 0;
   int rings = 0;
+  std::string backend;  ///< what solved, in words; empty where nothing was to be done
   MapDefects defects;
 };
 
@@ -51,7 +53,11 @@ class Untangler {
       z_ = start;
       if (!gather(check_map(mesh_, index_, z_), rings)) break;
       report.rings = rings;
-      report.iterations += descend();
+      Expected<AnySolver<double>> solver = options_.solver();
+      if (!solver) return solver.error();
+      report.iterations += descend(*solver, context);
+      report.backend = solver->description();
+      if (context.cancelled()) return cancelled_error("seamless map");
       report.defects = check_map(mesh_, index_, z_);
     }
     if (!report.defects.valid()) z_ = start;
@@ -151,14 +157,12 @@ class Untangler {
   }
 
   /// Newton steps on the regularized energy of Garanzha et al. 2021, epsilon sinking with progress.
-  int descend() {
+  int descend(AnySolver<double>& solver, Context& context) {
     const double theta = options_.theta;
     double epsilon = 1, least = 0;
     double value = energy(epsilon, least);
     if (least < 0) epsilon = std::max(0.1, std::min(1.0, -least));
     value = energy(epsilon, least);
-    Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>> solver;
-    bool analyzed = false;
     int step = 0, after = 0;
     for (; step < options_.iterations && left_ > 0; ++step) {
       left_ -= static_cast<std::int64_t>(pieces_.size());
@@ -211,14 +215,17 @@ class Untangler {
               entries.emplace_back(row, column, block(r, c));
         }
       }
-      Eigen::SparseMatrix<double> matrix(count_, count_);
+      Eigen::SparseMatrix<double, Eigen::ColMajor, Index> matrix(count_, count_);
       matrix.setFromTriplets(entries.begin(), entries.end());
-      if (!analyzed) solver.analyzePattern(matrix);
-      analyzed = true;
-      solver.factorize(matrix);
-      if (solver.info() != Eigen::Success) return step;
-      const Eigen::VectorXd direction = -solver.solve(gradient);
-      if (!direction.allFinite()) return step;
+      const auto n = at(count_), nonzeros = static_cast<std::size_t>(matrix.nonZeros());
+      const HermitianView<double> view{
+          count_, {matrix.outerIndexPtr(), n + 1}, {matrix.innerIndexPtr(), nonzeros}, {matrix.valuePtr(), nonzeros}};
+      constexpr std::uint64_t only_pattern = 1;
+      Eigen::VectorXd direction(count_);
+      if (!solver.prepare(view, only_pattern, context).ok() ||
+          !solver.solve({gradient.data(), n}, {direction.data(), n}, context).status.ok() || !direction.allFinite())
+        return step;
+      direction = -direction;
       const double slope = gradient.dot(direction);
       const std::vector<Complex> before = corners();
       double length = 1, next = value, next_least = least;

@@ -165,9 +165,17 @@ template <class K>
   const Index n = A.size();
   const std::vector<Real> diagonal = A.diagonal();
   const Real threshold = static_cast<Real>(0.08 * std::pow(0.5, depth));
+  // Beside the strongest of either unknown: so that groups grow where errors stay smooth, at any number of neighbours.
+  constexpr Real share = Real(0.5);
+  std::vector<Real> largest(to_size(n), 0);
+  for (Index i = 0; i < n; ++i)
+    for (std::size_t e = A.starts[to_size(i)]; e < A.starts[to_size(i) + 1]; ++e)
+      if (A.columns[e] != i) largest[to_size(i)] = std::max(largest[to_size(i)], std::norm(A.values[e]));
   const auto strong = [&](Index i, std::size_t e) {
     const Index j = A.columns[e];
-    return j != i && std::norm(A.values[e]) > threshold * threshold * diagonal[to_size(i)] * diagonal[to_size(j)];
+    const Real square = std::norm(A.values[e]);
+    return j != i && square > threshold * threshold * diagonal[to_size(i)] * diagonal[to_size(j)] &&
+           square >= share * share * std::min(largest[to_size(i)], largest[to_size(j)]);
   };
   std::vector<Index> group(to_size(n), no_index);
   std::vector<K> phase(to_size(n), K(1));

@@ -15,36 +15,40 @@ class MultigridLevels {
   /// rows reads is near; else they stay as they are.
   /// \fails numeric where a diagonal entry, or the coarsest matrix, shows that the matrix is not positive definite;
   ///   cancelled.
-  Status build(SparseRows<K> matrix, Index coarsest, bool reorder, Context& context) {
+  Status build(const SparseRows<K>& finest, Index coarsest, bool reorder, Context& context) {
     levels_.clear();
     const auto indefinite = [] {
       return Error{ErrorCode::numeric, "the matrix is not positive definite", "solver multigrid",
                    "every unknown needs a term, or a fixed value in its component"};
     };
     struct Made {
-      SparseRows<K> matrix, prolong;
+      SparseRows<K> coarse, prolong;  // `coarse`: this level's matrix, but for the finest
       std::vector<Index> group;
     };
-    std::vector<Made> made;
+    std::vector<Made> made(1);
+    const auto matrix = [&](std::size_t depth) -> const SparseRows<K>& {
+      return depth == 0 ? finest : made[depth].coarse;
+    };
     real_of<K> largest = 0;
     for (;;) {
       if (context.cancelled()) return cancelled_error("solver multigrid");
-      for (const real_of<K> each : matrix.diagonal()) {
+      const SparseRows<K>& fine = matrix(made.size() - 1);
+      for (const real_of<K> each : fine.diagonal()) {
         if (!(each > 0) || !std::isfinite(each)) return indefinite();
-        if (made.empty()) largest = std::max(largest, each);
+        if (made.size() == 1) largest = std::max(largest, each);
       }
-      made.push_back({std::move(matrix), {}, {}});
-      Made& fine = made.back();
-      if (fine.matrix.size() <= coarsest || made.size() >= 30) break;
-      SparseRows<K> tentative = aggregate(fine.matrix, static_cast<int>(made.size()) - 1);
-      if (tentative.columns_count == 0 || tentative.columns_count > fine.matrix.size() / 10 * 9) break;
-      fine.prolong = smoothed(fine.matrix, tentative);
-      matrix = product(adjoint(fine.prolong), product(fine.matrix, fine.prolong));
-      fine.group.resize(to_size(fine.matrix.size()), no_index);
-      for (std::size_t i = 0; i < fine.group.size(); ++i)
-        if (tentative.starts[i] < tentative.starts[i + 1]) fine.group[i] = tentative.columns[tentative.starts[i]];
+      if (fine.size() <= coarsest || made.size() >= 30) break;
+      const SparseRows<K> tentative = aggregate(fine, static_cast<int>(made.size()) - 1);
+      if (tentative.columns_count == 0 || tentative.columns_count > fine.size() / 10 * 9) break;
+      Made& level = made.back();
+      level.prolong = smoothed(fine, tentative);
+      level.group.resize(to_size(fine.size()), no_index);
+      for (std::size_t i = 0; i < level.group.size(); ++i)
+        if (tentative.starts[i] < tentative.starts[i + 1]) level.group[i] = tentative.columns[tentative.starts[i]];
+      SparseRows<K> coarse = product(adjoint(level.prolong), product(fine, level.prolong));
+      made.push_back({std::move(coarse), {}, {}});
     }
-    const HermitianMatrix<K> last = lower_columns(made.back().matrix);
+    const HermitianMatrix<K> last = lower_columns(matrix(made.size() - 1));
     coarsest_ = SupernodalCholesky<K>();
     Context own;
     own.threads = 1;
@@ -63,13 +67,13 @@ class MultigridLevels {
     for (std::size_t depth = made.size(); depth-- > 0; below = order_) {
       Made& from = made[depth];
       Level& level = levels_[depth];
-      order_.resize(to_size(from.matrix.size()));
+      order_.resize(to_size(matrix(depth).size()));
       for (std::size_t i = 0; i < order_.size(); ++i) order_[i] = static_cast<Index>(i);
       const bool finer = depth + 1 < made.size();
       std::vector<Index> position(below.size());
       for (std::size_t i = 0; i < below.size(); ++i) position[to_size(below[i])] = static_cast<Index>(i);
       if (reorder && finer) order_ = by_group(from.group, position);
-      level.matrix = BlockedRows<L>(from.matrix, order_, factor_);
+      level.matrix = BlockedRows<L>(matrix(depth), order_, factor_);
       if (finer) {
         level.prolong = permuted<L>(from.prolong, order_, position);
         level.restrict_to = adjoint(level.prolong);
