@@ -111,7 +111,7 @@ template <class K>
   int waited = 0;
   for (;;) {
     if (context.cancelled()) return cancelled_error("seamless map");
-    if (Status status = form.assemble(poisson); !status.ok()) return status.error();
+    if (Status status = form.assemble(context, poisson); !status.ok()) return status.error();
     std::vector<K> free_values(at(form.free_count()));
     if (form.free_count() > 0) {
       if (Status status = solver->prepare(form.matrix(), form.pattern_version(), context); !status.ok())
@@ -119,10 +119,13 @@ template <class K>
       if (SolveInfo info = solver->solve(form.rhs(), free_values, context); !info.status.ok())
         return info.status.error();
     }
+    if (context.cancelled()) return cancelled_error("seamless map");
     x = form.expand(free_values);
     z = unknowns.corners(x);
+    if (context.cancelled()) return cancelled_error("seamless map");
     ++report.iterations;
     report.defects = check_map(mesh, index, z);
+    if (context.cancelled()) return cancelled_error("seamless map");
 
     // Signed singular values of the map relative to its target.
     double total = 0, distortion = 0;

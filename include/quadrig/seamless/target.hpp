@@ -133,7 +133,7 @@ struct LogScaleOptions {
         }
       }};
   QuadraticForm<double> form(2 * n);
-  if (Status status = form.assemble(curl, smooth, fidelity); !status.ok()) return status;
+  if (Status status = form.assemble(context, curl, smooth, fidelity); !status.ok()) return status;
   Expected<AnySolver<double>> solver = make_solver<double>();
   if (!solver) return solver.error();
   if (Status status = solver->prepare(form.matrix(), form.pattern_version(), context); !status.ok()) return status;
