@@ -1,4 +1,6 @@
 #include <cstring>
+#include <filesystem>
+#include <fstream>
 
 #include "gltf_tube.hpp"
 #include "quadrig/c.h"
@@ -193,6 +195,51 @@ TEST_CASE("c: a glTF file goes from memory to memory", "[c][gltf][fast]") {
   }
   quadrig_bytes* made = nullptr;
   CHECK(quadrig_remesh_gltf(job.get(), "glTF", 4, nullptr, nullptr, &made) == quadrig_bad_input);
+}
+
+TEST_CASE("c: a job that is cancelled leaves no file behind", "[c][gltf][cancel][fast]") {
+  const ScratchFolder folder("c-cancel");
+  const std::string input = (folder.path() / "tube.glb").string(), output = (folder.path() / "quads.glb").string();
+  {
+    const std::string bytes = tube_file();
+    std::ofstream(input, std::ios::binary) << bytes;
+  }
+  const Handle<quadrig_job> job(quadrig_job_create());
+  struct Until {
+    quadrig_job* job;
+    int calls, last;
+  } until{job.get(), 0, 0};
+  quadrig_job_set_progress(
+      job.get(),
+      [](void* user, const char*, double) {
+        auto* const own = static_cast<Until*>(user);
+        if (++own->calls > own->last) quadrig_job_cancel(own->job);
+      },
+      &until);
+  const quadrig_options options = options_for(200);
+  const auto files = [&] {
+    const std::filesystem::directory_iterator all(folder.path());
+    return std::distance(begin(all), end(all));
+  };
+  int cancelled = 0;
+  for (;; ++until.last) {
+    until.calls = 0;
+    quadrig_job_reset(job.get());
+    const quadrig_status status = quadrig_remesh_gltf_file(job.get(), input.c_str(), output.c_str(), &options);
+    if (until.calls <= until.last) {
+      CHECK(status == quadrig_ok);
+      break;
+    }
+    if (status == quadrig_ok) {  // cancelled by the last call, when all was done
+      std::filesystem::remove(output);
+      continue;
+    }
+    CHECK(status == quadrig_cancelled);
+    CHECK(files() == 1);
+    ++cancelled;
+  }
+  CHECK(cancelled > 1);
+  CHECK(files() == 2);
 }
 
 TEST_CASE("c: a memory limit is kept by refusing, with the number", "[c][gltf][fast]") {

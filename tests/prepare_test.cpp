@@ -93,6 +93,27 @@ VertexWeights weights_of(std::initializer_list<std::array<double, 2>> rows) {
 
 }  // namespace
 
+TEST_CASE("prepare: the two sides of two-sided triangles do not hide their seams", "[prepare][fast]") {
+  const PolygonMesh sides = soup(cube());
+  PolygonMesh mesh;
+  mesh.positions = sides.positions;
+  for (Index i = 0; i < sides.polygon_count(); ++i) {
+    const auto q = sides.polygon(i);
+    for (const std::array<Index, 3>& face : {std::array{q[0], q[1], q[2]}, std::array{q[0], q[2], q[3]}}) {
+      mesh.add_polygon(face);
+      mesh.add_polygon(std::array{face[2], face[1], face[0]});
+    }
+  }
+  Context context;
+  const auto prepared = prepare(mesh, nullptr, {}, context);
+  REQUIRE(prepared.has_value());
+  CHECK(prepared->mesh.face_count() == 12);
+  CHECK(prepared->mesh.vertex_count() == 8);
+  CHECK(prepared->mesh.closed());
+  CHECK(prepared->report.repeated_faces == 12);
+  CHECK(volume(prepared->mesh) > 0.99);
+}
+
 TEST_CASE("prepare: a clean mesh passes unchanged and without a word", "[prepare][fast]") {
   PrepareOptions strict;
   strict.strict = true;

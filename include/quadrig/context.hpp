@@ -22,10 +22,23 @@ class Context {
   Log on_log;
   /// Set from any thread; polled between faces, rows and iterations of every long loop. May be null.
   const std::atomic<bool>* cancel_flag = nullptr;
+  /// Asked at each of these polls, from any thread; true cancels, and has to stay true. For hosts that have no flag,
+  /// and to count the polls.
+  std::function<bool()> on_poll;
   /// Upper bound on threads; results are the same bits for every value. 0: as many as the machine has.
   unsigned threads = 0;
 
-  [[nodiscard]] bool cancelled() const { return cancel_flag && cancel_flag->load(std::memory_order_relaxed); }
+  [[nodiscard]] bool cancelled() const {
+    return (cancel_flag && cancel_flag->load(std::memory_order_relaxed)) || (on_poll && on_poll());
+  }
+  /// One for other threads and for trials: cancelled with this one, without its callbacks and warnings.
+  [[nodiscard]] Context quiet(unsigned most_threads) const {
+    Context own;
+    own.cancel_flag = cancel_flag;
+    own.on_poll = on_poll;
+    own.threads = most_threads;
+    return own;
+  }
   void progress(std::string_view stage, double fraction) const {
     if (on_progress) on_progress(stage, fraction);
   }

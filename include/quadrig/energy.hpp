@@ -137,19 +137,27 @@ class QuadraticForm {
   /// Sums the terms' rows into matrix() and rhs().
   /// \cost first call, or after the fixed set or the rows' unknowns changed: O(p log p) for p products; else O(p).
   /// \fails bad_input on an unknown out of range, spans of different length, or a number that is not finite: names
-  ///   the term and the row.
-  Status assemble(std::span<const TermRef<K>> terms) {
-    if (structured_) {
-      if (Status status = fill(terms); !status.ok()) return status;
-      if (structured_) return {};
+  ///   the term and the row; cancelled, where there is a context to ask.
+  Status assemble(std::span<const TermRef<K>> terms, const Context* context = nullptr) {
+    context_ = context;
+    Status status = assemble_all(terms);
+    context_ = nullptr;
+    if (context && context->cancelled()) {
+      structured_ = false;
+      return cancelled_error("energy");
     }
-    if (Status status = build_pattern(terms); !status.ok()) return status;
-    return fill(terms);
+    return status;
   }
   template <EnergyTerm<K>... Terms>
   Status assemble(const Terms&... terms) {
     const std::array<TermRef<K>, sizeof...(Terms)> list{TermRef<K>(terms)...};
     return assemble(std::span<const TermRef<K>>(list));
+  }
+  /// The same, cancelled with the context.
+  template <EnergyTerm<K>... Terms>
+  Status assemble(const Context& context, const Terms&... terms) {
+    const std::array<TermRef<K>, sizeof...(Terms)> list{TermRef<K>(terms)...};
+    return assemble(std::span<const TermRef<K>>(list), &context);
   }
 
   /// Lower triangle over the free unknowns, ascending. \pre assemble succeeded
@@ -196,6 +204,19 @@ class QuadraticForm {
             "check the term with quadrig/laws.hpp"};
   }
 
+  Status assemble_all(std::span<const TermRef<K>> terms) {
+    if (structured_) {
+      if (Status status = fill(terms); !status.ok()) return status;
+      if (structured_ || cancelled(0)) return {};
+    }
+    if (Status status = build_pattern(terms); !status.ok()) return status;
+    if (cancelled(0)) return {};
+    return fill(terms);
+  }
+
+  // Asks at every so many rows; what is assembled is of no use then.
+  [[nodiscard]] bool cancelled(std::size_t row) const { return row % 8192 == 0 && context_ && context_->cancelled(); }
+
   // Finds the unknowns of every row, the union of their products, and for each product its place in that union.
   Status build_pattern(std::span<const TermRef<K>> terms) {
     ++version_;
@@ -204,7 +225,9 @@ class QuadraticForm {
     std::optional<Error> error;
     for (const TermRef<K>& term : terms) {
       std::size_t number = 0;
+      bool stopped = false;
       const auto gather = [&](const Row<K>& row) {
+        if (stopped || (stopped = cancelled(number))) return;
         if (!error && row.at.size() != row.coeff.size())
           error = row_error("as many coefficients as unknowns are needed", term.name(), number);
         for (const Index unknown : row.at)
@@ -217,6 +240,7 @@ class QuadraticForm {
       term.for_each_row(EmitRow<K>(gather));
       if (error) return *error;
     }
+    if (cancelled(0)) return {};
 
     free_index_.assign(fixed_.size(), no_index);
     Index free_unknowns = 0;
@@ -227,7 +251,7 @@ class QuadraticForm {
     const auto n = static_cast<std::size_t>(free_unknowns);
     std::vector<std::size_t> starts(n + 1, 0);
     const auto for_each_product = [&](auto&& body) {
-      for (std::size_t r = 0; r + 1 < row_starts_.size(); ++r)
+      for (std::size_t r = 0; r + 1 < row_starts_.size() && !cancelled(r); ++r)
         for (std::size_t p = row_starts_[r]; p < row_starts_[r + 1]; ++p) {
           const Index a = free_index_[static_cast<std::size_t>(row_unknowns_[p])];
           if (a == no_index) continue;
@@ -242,6 +266,7 @@ class QuadraticForm {
       ++starts[static_cast<std::size_t>(column) + 1];
       ++products;
     });
+    if (cancelled(0)) return {};
     for (std::size_t j = 0; j < n; ++j) starts[j + 1] += starts[j];
     if (products > std::size_t{0x7fffffff})
       return Error{ErrorCode::unsupported, "more than 2^31 products in one system", "energy", "use a coarser mesh"};
@@ -257,12 +282,13 @@ class QuadraticForm {
         by_column[next[static_cast<std::size_t>(column)]++] = {row, number++};
       });
     }
+    if (cancelled(0)) return {};
     places_.resize(products);
     matrix_.size = free_unknowns;
     matrix_.column_starts.assign(1, 0);
     matrix_.column_starts.reserve(n + 1);
     matrix_.rows.clear();
-    for (std::size_t j = 0; j < n; ++j) {
+    for (std::size_t j = 0; j < n && !cancelled(j); ++j) {
       const auto begin = by_column.begin() + static_cast<std::ptrdiff_t>(starts[j]);
       const auto end = by_column.begin() + static_cast<std::ptrdiff_t>(starts[j + 1]);
       std::sort(begin, end, [](const Product& a, const Product& b) { return a.row < b.row; });
@@ -284,6 +310,10 @@ class QuadraticForm {
     std::size_t r = 0, place = 0;
     const auto add = [&](const Row<K>& row) {
       if (!structured_) return;
+      if (cancelled(r)) {
+        structured_ = false;
+        return;
+      }
       if (r + 1 >= row_starts_.size() || row_starts_[r + 1] - row_starts_[r] != row.at.size() ||
           row.coeff.size() != row.at.size() ||
           !std::equal(row.at.begin(), row.at.end(),
@@ -351,6 +381,7 @@ class QuadraticForm {
   std::vector<K> fixed_values_;
   Index fixed_count_ = 0;
   bool structured_ = false;
+  const Context* context_ = nullptr;  // while assembling
   std::uint64_t version_ = 0;
   std::vector<std::size_t> row_starts_;  // of each row in row_unknowns_, in the order of emission
   std::vector<Index> row_unknowns_;

@@ -36,8 +36,7 @@ Expected<quadrig_status> remesh_document(quadrig_job* job, GltfDocument& documen
     own.selection.names.emplace_back(options->select[i]);
   }
   if (job->memory_limit > 0) {
-    Context quiet;
-    quiet.cancel_flag = context.cancel_flag;
+    Context quiet = context.quiet(context.threads);
     const Expected<std::vector<GltfSurface>> surfaces =
         gltf_surfaces(document, own.prepare, {.enabled = false}, quiet, own.selection);
     double triangles = 0, bones = 0;

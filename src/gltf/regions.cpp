@@ -7,7 +7,11 @@ Regions::Regions(const Gathered& gathered, const TriangleMesh<double>& mesh, std
     : gathered_(gathered), mesh_(mesh), source_face_(source_face) {
   for (const Attribute& a : gathered.attributes)
     if (a.makes_seams())
-      for (Eigen::Index k = 0; k < a.width; ++k) seam_columns_.push_back(a.first + k);
+      for (Eigen::Index k = 0; k < a.width; ++k) {
+        seam_columns_.push_back(a.first + k);
+        if (a.name == "TEXCOORD_0") texture_columns_.push_back(a.first + k);
+      }
+  diagonal_ = (mesh.positions().colwise().maxCoeff() - mesh.positions().colwise().minCoeff()).norm();
   const auto corner = [&](Index h) { return gathered.corner_vertex[at(3 * source_face[at(h / 3)] + h % 3)]; };
   const auto primitive_of = [&](Index f) { return gathered.surface.source_primitive[at(source_face[at(f)])]; };
   const auto same = [&](Index a, Index b) {
@@ -22,6 +26,14 @@ Regions::Regions(const Gathered& gathered, const TriangleMesh<double>& mesh, std
     if (across == no_index || primitive_of(h / 3) != primitive_of(across / 3)) continue;
     seam_[at(h)] = !(same(corner(h), corner(TriangleMesh<double>::next(across))) &&
                      same(corner(TriangleMesh<double>::next(h)), corner(across)));
+  }
+  for (Index f = 0; f < mesh.face_count(); ++f) {
+    std::array<Vector3, 3> p;
+    for (std::size_t i = 0; i < 3; ++i) p[i] = mesh.position(mesh.faces()(f, static_cast<Eigen::Index>(i)));
+    const Vector3 centre = (p[0] + p[1] + p[2]) / 3;
+    double radius = 0;
+    for (const Vector3& end : p) radius = std::max(radius, (end - centre).norm());
+    ball_.emplace_back(centre[0], centre[1], centre[2], radius);
   }
   mark_.assign(at(mesh.face_count()), 0);
 }
@@ -46,6 +58,12 @@ SurfaceHit Regions::hit(Index face, const Vector3& p) const {
   return found;
 }
 
+/// Whether a face is surely farther than that, by the ball around it.
+bool Regions::farther(Index face, const Vector3& p, double squared_distance) const {
+  const double apart = (p - ball_[at(face)].head<3>()).norm() - ball_[at(face)][3];
+  return apart > 0 && apart * apart > squared_distance;
+}
+
 /// Faces within the radius of the centre that are joined to `face` there, without a seam between.
 void Regions::spread(Index face, const Vector3& centre, double squared_radius) {
   ++current_;
@@ -55,7 +73,9 @@ void Regions::spread(Index face, const Vector3& centre, double squared_radius) {
     for (Index h = 3 * reached_[k]; h < 3 * reached_[k] + 3; ++h) {
       if (seam_[at(h)]) continue;
       const Index across = mesh_.twin(h) / 3;
-      if (mark_[at(across)] == current_ || hit(across, centre).squared_distance > squared_radius) continue;
+      if (mark_[at(across)] == current_ || farther(across, centre, squared_radius) ||
+          hit(across, centre).squared_distance > squared_radius)
+        continue;
       mark_[at(across)] = current_;
       reached_.push_back(across);
     }
@@ -70,11 +90,12 @@ Regions::QuadValues Regions::of_quad(const QuadMesh& quads, Index quad) {
   }
   SurfaceHit below;
   double radius = 0;
-  for (std::size_t i = 0; i < 4; ++i) {
+  for (const Vector3& end : p) radius = std::max(radius, (end - centre).squaredNorm());
+  // What is close below the centre is it; else the walk from another corner may end on the right sheet.
+  for (std::size_t i = 0; i < 4 && !(below.squared_distance < 1e-3 * radius); ++i) {
     const SurfaceHit found =
         walk_closest(mesh_, centre, quads.source[at(quads.quads(quad, static_cast<Eigen::Index>(i)))]);
     if (found.squared_distance < below.squared_distance) below = found;
-    radius = std::max(radius, (p[i] - centre).squaredNorm());
   }
   const Index face = below.found() ? below.face : quads.source[at(quads.quads(quad, 0))].face;
   spread(face, centre, 1.1 * radius);
@@ -92,6 +113,37 @@ Regions::QuadValues Regions::of_quad(const QuadMesh& quads, Index quad) {
     result.corners[i] = values_at(nearest.found() ? nearest : own);
   }
   return result;
+}
+
+Regions::QuadValues Regions::of_quad(const QuadMesh& quads, Index quad, double& misfit) {
+  QuadValues values = of_quad(quads, quad);
+  misfit = 0;
+  Index face = reached_.front();
+  constexpr int n = 3;
+  for (int i = 0; i < n; ++i)
+    for (int j = 0; j < n; ++j) {
+      const double u = (i + 0.5) / n, v = (j + 0.5) / n;
+      const std::array<double, 4> share{(1 - u) * (1 - v), u * (1 - v), u * v, (1 - u) * v};
+      Vector3 p = Vector3::Zero();
+      for (std::size_t k = 0; k < 4; ++k)
+        p += share[k] * quads.positions.row(quads.quads(quad, static_cast<Eigen::Index>(k))).transpose();
+      SurfaceHit nearest = hit(face, p);
+      for (const Index f : reached_) {
+        if (f == face || farther(f, p, nearest.squared_distance)) continue;
+        if (const SurfaceHit found = hit(f, p); found.squared_distance < nearest.squared_distance) nearest = found;
+      }
+      face = nearest.face;
+      misfit += nearest.squared_distance / (n * n);
+      for (const Eigen::Index column : texture_columns_) {
+        double difference = 0;
+        for (std::size_t k = 0; k < 4; ++k) difference += share[k] * values.corners[k][column];
+        for (int k = 0; k < 3; ++k)
+          difference -= nearest.barycentric[k] *
+                        gathered_.values(gathered_.corner_vertex[at(3 * source_face_[at(nearest.face)] + k)], column);
+        misfit += difference * difference * diagonal_ * diagonal_ / (n * n);
+      }
+    }
+  return values;
 }
 
 Eigen::VectorXd Regions::values_at(const SurfacePoint& point) const {

@@ -20,6 +20,9 @@ class Regions {
   /// The primitive that a quad belongs to, that of the surface below its centre, and the values of its corners there:
   /// at their own place or, beyond a seam, at the nearest point on this side. \cost O(faces below the quad)
   [[nodiscard]] QuadValues of_quad(const QuadMesh& quads, Index quad);
+  /// The same, with how badly the quad stands for its region: the mean squared distance of places on it from the
+  /// nearest point of the region, in space and, by the surface's diagonal, in the texture.
+  [[nodiscard]] QuadValues of_quad(const QuadMesh& quads, Index quad, double& misfit);
   /// All columns at a point of `mesh`.
   [[nodiscard]] Eigen::VectorXd values_at(const SurfacePoint& point) const;
   /// Between two faces; the border of the surface is none.
@@ -30,15 +33,18 @@ class Regions {
 
  private:
   [[nodiscard]] SurfaceHit hit(Index face, const Vector3& p) const;
+  [[nodiscard]] bool farther(Index face, const Vector3& p, double squared_distance) const;
   void spread(Index face, const Vector3& centre, double squared_radius);
 
   const Gathered& gathered_;
   const TriangleMesh<double>& mesh_;
   std::span<const Index> source_face_;
-  std::vector<Eigen::Index> seam_columns_;
-  std::vector<char> seam_;           // a half-edge
-  std::vector<Index> reached_;       // faces of the quad at hand
-  std::vector<std::uint32_t> mark_;  // a face: the last quad that reached it
+  std::vector<Eigen::Index> seam_columns_, texture_columns_;
+  double diagonal_ = 0;                // of the surface
+  std::vector<Eigen::Vector4d> ball_;  // around each face: centre and radius
+  std::vector<char> seam_;             // a half-edge
+  std::vector<Index> reached_;         // faces of the quad at hand
+  std::vector<std::uint32_t> mark_;    // a face: the last quad that reached it
   std::uint32_t current_ = 0;
 };
 

@@ -101,11 +101,12 @@ struct MorphNormals {
 };
 
 /// Moves the quads' vertices onto seams, and what hangs on their places with them.
-/// \fails as transfer_weights
-Status snap(const Job& job, const GltfRemeshOptions& options, GltfRemeshed& done) {
+/// \fails as transfer_weights; cancelled
+Status snap(const Job& job, const GltfRemeshOptions& options, GltfRemeshed& done, const Context& context) {
   QuadMesh& quads = done.result.mesh;
   Regions regions(job.gathered, done.remeshed, job.source_face);
-  const SeamFigures figures = snap_to_seams(done.remeshed, regions, options.least_at_seams, quads);
+  const SeamFigures figures = snap_to_seams(done.remeshed, regions, options.least_at_seams, quads, context);
+  if (context.cancelled()) return cancelled_error("gltf");
   done.seam_edges = figures.edges;
   done.snapped_edges = figures.on_seams;
   if (figures.edges == 0) return {};
@@ -314,12 +315,14 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
     for (const Index c : shells[s].components.of_face) done.passed_triangles += shells[s].kept[at(c)] ? 0 : 1;
     if (shells[s].keeps_any()) {
       if (options.snap_seams)
-        if (Status status = gltf::snap(job, options, done); !status) return status.error();
+        if (Status status = gltf::snap(job, options, done, context); !status) return status.error();
+      if (context.cancelled()) return cancelled_error("gltf");
       gltf::add_quads(job, done, options.remesh.influences);
       gltf::add_passed(job, shells[s], options.remesh.influences);
       for (std::size_t p = 0; p < job.builders.size(); ++p)
         if (job.gathered.primitives[p].tangents)
           job.builders[p].make_tangents(job.gathered, job.gathered.primitives[p]);
+      if (context.cancelled()) return cancelled_error("gltf");
       any = true;
     }
     all.push_back(std::move(done));

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <utility>
 
 namespace quadrig::gltf {
 namespace {
@@ -22,6 +23,11 @@ SurfaceHit on_halfedge(const TriangleMesh<double>& mesh, Index h, const Vector3&
 }
 
 class Snapper {
+  // A quad of scaled Jacobian 0 costs as much as this squared distance from its region, in quads' areas.
+  static constexpr double shape_weight = 0.07;
+  static constexpr double worth_while = 3e-5;  // of the same
+  static constexpr int sweeps = 4, rings_that_give_way = 1;
+
  public:
   Snapper(const TriangleMesh<double>& mesh, Regions& regions, double least, QuadMesh& quads)
       : mesh_(mesh), regions_(regions), least_(least), quads_(quads), reached_in_(at(mesh.face_count()), 0) {
@@ -39,16 +45,29 @@ class Snapper {
     for (std::size_t v = 0; v < meeting.size(); ++v) branch_.push_back(meeting[v] > 0 && meeting[v] != 2);
   }
 
-  SeamFigures run() {
-    find_sides();
-    for (int sweep = 0; sweep < 3; ++sweep) {
-      bool moved = false;
-      for (Index v = 0; v < quads_.vertex_count(); ++v) moved = (sides_[at(v)] > 0 && snap(v)) || moved;
-      if (!moved) break;
-      for (Index v = 0; v < quads_.vertex_count(); ++v)
-        if (beside_[at(v)]) give_way(v);
+  SeamFigures run(const Context& context) {
+    const auto cancelled = [&](Index v) { return v % 256 == 0 && context.cancelled(); };
+    const auto n = at(quads_.quad_count());
+    values_.resize(n);
+    misfit_.assign(n, 0);
+    stale_.assign(n, 1);
+    unrest_.assign(at(quads_.vertex_count()), 1);
+    area_.resize(n);
+    for (Index q = 0; q < quads_.quad_count(); ++q) {
+      Vector3 p[4];
+      for (int i = 0; i < 4; ++i) p[i] = point(quads_.quads(q, i));
+      area_[at(q)] = (p[2] - p[0]).cross(p[3] - p[1]).norm() / 2;
     }
-    find_sides();  // a quad that was moved may lie in another region now
+    find_sides();
+    for (int sweep = 0; sweep < sweeps; ++sweep) {
+      bool moved = false;
+      for (Index v = 0; v < quads_.vertex_count() && !cancelled(v); ++v)
+        if (sides_[at(v)] > 0 && unrest_[at(v)]) moved = snap(v) || moved;
+      for (Index v = 0; v < quads_.vertex_count() && !cancelled(v); ++v)
+        if (near_[at(v)] && std::exchange(unrest_[at(v)], char{0})) moved = give_way(v) || moved;
+      find_sides();  // a quad that was moved may lie in another region now
+      if (!moved || context.cancelled()) break;
+    }
     SeamFigures figures;
     for (const auto& [a, b] : edges_) {
       ++figures.edges;
@@ -67,10 +86,8 @@ class Snapper {
       int corner;
     };
     std::vector<Side> all;
-    std::vector<Regions::QuadValues> values;
-    values.reserve(at(quads_.quad_count()));
     for (Index q = 0; q < quads_.quad_count(); ++q) {
-      values.push_back(regions_.of_quad(quads_, q));
+      if (stale_[at(q)]) evaluate(q);
       for (int i = 0; i < 4; ++i) {
         const auto [low, high] = std::minmax(quads_.quads(q, i), quads_.quads(q, (i + 1) % 4));
         all.push_back({low, high, q, i});
@@ -82,7 +99,6 @@ class Snapper {
     edges_.clear();
     sides_.assign(at(quads_.vertex_count()), 0);
     border_.assign(at(quads_.vertex_count()), 0);
-    beside_.assign(at(quads_.vertex_count()), 0);
     for (std::size_t k = 0; k < all.size(); ++k) {
       const Side& a = all[k];
       if (k + 1 == all.size() || all[k + 1].low != a.low || all[k + 1].high != a.high) {
@@ -93,41 +109,94 @@ class Snapper {
       const auto value = [&](const Side& side, Index v) -> const Eigen::VectorXd& {
         int i = 0;
         while (quads_.quads(side.quad, i) != v) ++i;
-        return values[at(side.quad)].corners[static_cast<std::size_t>(i)];
+        return values_[at(side.quad)].corners[static_cast<std::size_t>(i)];
       };
-      if (values[at(a.quad)].primitive == values[at(b.quad)].primitive &&
+      if (values_[at(a.quad)].primitive == values_[at(b.quad)].primitive &&
           regions_.alike(value(a, a.low), value(b, a.low)) && regions_.alike(value(a, a.high), value(b, a.high)))
         continue;
       edges_.push_back({a.low, a.high});
       ++sides_[at(a.low)];
       ++sides_[at(a.high)];
     }
+    near_.assign(at(quads_.vertex_count()), 0);
+    beside_.assign(at(quads_.quad_count()), 0);
+    std::vector<Index> ring;
     for (Index v = 0; v < quads_.vertex_count(); ++v) {
       if (border_[at(v)]) sides_[at(v)] = 0;
       if (sides_[at(v)] == 0) continue;
-      for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k)
-        for (int i = 0; i < 4; ++i) beside_[at(quads_.quads(around_[k], i))] = 1;
+      near_[at(v)] = 1;
+      ring.push_back(v);
     }
-    for (Index v = 0; v < quads_.vertex_count(); ++v)
-      beside_[at(v)] = beside_[at(v)] && !sides_[at(v)] && !border_[at(v)];
+    std::size_t first = 0;
+    for (int rings = 0; rings < rings_that_give_way; ++rings) {
+      const std::size_t last = ring.size();
+      for (; first < last; ++first)
+        for (std::size_t k = starts_[at(ring[first])]; k < starts_[at(ring[first]) + 1]; ++k)
+          for (int i = 0; i < 4; ++i)
+            if (const Index w = quads_.quads(around_[k], i); !near_[at(w)] && !border_[at(w)]) {
+              near_[at(w)] = 1;
+              ring.push_back(w);
+            }
+    }
+    for (const Index v : ring)
+      for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k) beside_[at(around_[k])] = 1;
   }
 
-  [[nodiscard]] double worst_around(Index v) const {
-    double worst = 1;
-    for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k)
-      worst = std::min(worst, scaled_jacobian(quads_.positions, quads_.quads.row(around_[k])));
-    return worst;
+  void evaluate(Index q) {
+    values_[at(q)] = regions_.of_quad(quads_, q, misfit_[at(q)]);
+    stale_[at(q)] = 0;
   }
-  bool put(Index v, const SurfaceHit& place, bool better) {
-    const Vector3 before = point(v);
-    const double was = worst_around(v);
-    quads_.positions.row(v) = place.position.transpose();
-    const double is = worst_around(v);
-    if (better ? is > was : is >= std::min(was, least_)) {
-      quads_.source[at(v)] = {place.face, place.barycentric};
-      return true;
+
+  /// What the shapes of the quads around a vertex cost.
+  [[nodiscard]] double shape_cost(Index v, double& worst) const {
+    double sum = 0;
+    worst = 1;
+    for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k) {
+      const double j = scaled_jacobian(quads_.positions, quads_.quads.row(around_[k]));
+      worst = std::min(worst, j);
+      sum += shape_weight * (1 - j);
     }
-    quads_.positions.row(v) = before.transpose();
+    return sum;
+  }
+  /// What those of them cost that lie beside another region, by their distance from their own.
+  [[nodiscard]] double fit_cost(Index v) const {
+    double sum = 0;
+    for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k)
+      if (beside_[at(around_[k])]) sum += misfit_[at(around_[k])] / area_[at(around_[k])];
+    return sum;
+  }
+  /// Moves the vertex where that costs less and no quad becomes worse than `least_` or than it was.
+  bool put(Index v, const SurfaceHit& place) {
+    double was = 0, is = 0;
+    const double before = shape_cost(v, was) + fit_cost(v) - worth_while;
+    const Vector3 position = point(v);
+    const SurfacePoint source = quads_.source[at(v)];
+    quads_.positions.row(v) = place.position.transpose();
+    quads_.source[at(v)] = {place.face, place.barycentric};
+    const double shape = shape_cost(v, is);
+    if (is >= std::min(was, least_) && shape < before) {
+      kept_.clear();
+      for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k) {
+        const Index q = around_[k];
+        if (beside_[at(q)]) {
+          kept_.emplace_back(q, std::pair(std::move(values_[at(q)]), misfit_[at(q)]));
+          evaluate(q);
+        }
+      }
+      if (shape + fit_cost(v) < before) {
+        for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k) {
+          stale_[at(around_[k])] = beside_[at(around_[k])] ? 0 : 1;
+          for (int i = 0; i < 4; ++i) unrest_[at(quads_.quads(around_[k], i))] = 1;
+        }
+        return true;
+      }
+      for (auto& [q, old] : kept_) {
+        values_[at(q)] = std::move(old.first);
+        misfit_[at(q)] = old.second;
+      }
+    }
+    quads_.positions.row(v) = position.transpose();
+    quads_.source[at(v)] = source;
     return false;
   }
 
@@ -143,9 +212,9 @@ class Snapper {
     return 0.75 * sum / count;
   }
 
-  /// The nearest place on a seam within the radius, and the nearest end or branch of one.
-  void look_around(Index v, double radius, SurfaceHit& seam, SurfaceHit& branch) {
-    const Vector3 p = point(v);
+  /// Of the faces around the vertex the place on a seam that is nearest to p, within the radius, and the nearest end or
+  /// branch of one.
+  void look_around(Index v, double radius, const Vector3& p, SurfaceHit& seam, SurfaceHit& branch) {
     const double squared = radius * radius;
     ++current_;
     open_.assign(1, quads_.source[at(v)].face);
@@ -179,16 +248,16 @@ class Snapper {
 
   bool snap(Index v) {
     SurfaceHit seam, branch;
-    look_around(v, reach(v), seam, branch);
+    look_around(v, reach(v), point(v), seam, branch);
     if (sides_[at(v)] != 2 && branch.found()) {
       if (branch.squared_distance == 0) return false;
-      if (put(v, branch, false)) return true;
+      if (put(v, branch)) return true;
     }
-    return seam.found() && !on_seam(v) && put(v, seam, false);
+    return seam.found() && !on_seam(v) && put(v, seam);
   }
 
-  /// Half-way to the mean of its neighbours, where that makes its worst quad better.
-  void give_way(Index v) {
+  /// Towards the mean of its neighbours; what lies on a seam slides along it or leaves it.
+  bool give_way(Index v) {
     Vector3 mean = Vector3::Zero();
     double count = 0;
     for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k)
@@ -198,7 +267,17 @@ class Snapper {
         mean += point(a == v ? b : a);
         ++count;
       }
-    static_cast<void>(put(v, walk_closest(mesh_, (point(v) + mean / count) / 2, quads_.source[at(v)]), true));
+    mean /= count;
+    for (const double step : {1.0, 0.5}) {
+      const Vector3 goal = point(v) + step * (mean - point(v));
+      if (on_seam(v)) {
+        SurfaceHit seam, branch;
+        look_around(v, reach(v), goal, seam, branch);
+        if (seam.found() && put(v, seam)) return true;
+      }
+      if (put(v, walk_closest(mesh_, goal, quads_.source[at(v)]))) return true;
+    }
+    return false;
   }
 
   const TriangleMesh<double>& mesh_;
@@ -208,8 +287,12 @@ class Snapper {
   std::vector<std::size_t> starts_;
   std::vector<Index> around_;  // quads of each vertex
   std::vector<std::array<Index, 2>> edges_;
-  std::vector<Index> sides_;  // a vertex: edges between regions
-  std::vector<char> border_, beside_, branch_;
+  std::vector<Index> sides_;                 // a vertex: edges between regions
+  std::vector<Regions::QuadValues> values_;  // of each quad
+  std::vector<double> misfit_, area_;        // of each quad; the area is that before all
+  std::vector<char> stale_, beside_;         // of each quad: moved since, has a vertex between regions
+  std::vector<std::pair<Index, std::pair<Regions::QuadValues, double>>> kept_;
+  std::vector<char> border_, near_, branch_, unrest_;  // of each vertex; the last: something around it moved since
   std::vector<Index> open_;
   std::vector<std::uint32_t> reached_in_;  // a face: the last search that came to it
   std::uint32_t current_ = 0;
@@ -217,9 +300,10 @@ class Snapper {
 
 }  // namespace
 
-SeamFigures snap_to_seams(const TriangleMesh<double>& mesh, Regions& regions, double least, QuadMesh& quads) {
+SeamFigures snap_to_seams(const TriangleMesh<double>& mesh, Regions& regions, double least, QuadMesh& quads,
+                          const Context& context) {
   if (!regions.any_seam()) return {};
-  return Snapper(mesh, regions, least, quads).run();
+  return Snapper(mesh, regions, least, quads).run(context);
 }
 
 }  // namespace quadrig::gltf

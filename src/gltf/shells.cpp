@@ -111,9 +111,7 @@ Status remesh_shells(const Gathered& gathered, Shells& shells, double quads, con
       Shells alone = shells;
       alone.kept.assign(shells.kept.size(), 0);
       alone.kept[c] = 1;
-      Context quiet;
-      quiet.cancel_flag = context.cancel_flag;
-      quiet.threads = context.threads;
+      Context quiet = context.quiet(context.threads);
       const Expected<RemeshResult> one = attempt(alone, quads * shells.area[c] / whole, quiet);
       if (one) continue;
       if (!of_the_part(one.error())) return one.error();

@@ -92,6 +92,7 @@ Status make_mesh(const Request& request, Gathered& one, const VertexWeights* wei
     error.where = request.state.name.string() + ": " + where + (error.where.empty() ? "" : ", " + error.where);
     return error;
   }
+  if (request.context.cancelled()) return cancelled_error("gltf");
   one.corner_vertex = corner_vertices(one, *prepared);
   GltfSurface& surface = one.surface;
   for (const Index t : prepared->source_polygon) {
@@ -122,6 +123,7 @@ Status add_primitives(const Request& request, Gathered& one, Gatherer& gatherer,
   one.surface.meshes = std::move(meshes);
   if (gatherer.lost_tangents)
     request.context.warn("gltf", one.surface.label() + ": tangents without texture coordinates are left out");
+  if (request.context.cancelled()) return cancelled_error("gltf");
   return gatherer.finish();
 }
 
@@ -152,8 +154,10 @@ Expected<bool> make_surface(const Request& request, Gathered& one, const Selecto
   Gatherer gatherer(state, one, one.joints(), request.budget, request.cache);
   if (Status status = add_primitives(request, one, gatherer, selector); !status) return status.error();
   if (one.triangles.rows() == 0) return false;
+  if (request.context.cancelled()) return cancelled_error("gltf");
   const VertexWeights weights =
       mend_weights(std::move(gatherer.weights), one.triangles, one.positions, one.joints(), surface.repairs);
+  if (request.context.cancelled()) return cancelled_error("gltf");
   const std::vector<std::string> repairs = surface.repairs.sentences();
   if (request.prepare.strict && !repairs.empty())
     return state.bad(surface.label(), repairs.front(), "mend the file, or leave out the strict option");

@@ -74,12 +74,14 @@ struct VertexRings {
 /// One object serves many poses in turn: its arrays are as long as the mesh, its work is not.
 class FormEvaluator {
  public:
+  /// `context`, where there is one, is asked within `run`, which then leaves early and is of no use any more.
   FormEvaluator(const TriangleMesh<double>& mesh, const Connection<double>& connection, const VertexRings& rings,
-                Index smoothing)
+                Index smoothing, const Context* context = nullptr)
       : mesh_(mesh),
         connection_(connection),
         rings_(rings),
         smoothing_(smoothing),
+        context_(context),
         level_(static_cast<std::size_t>(mesh.vertex_count()), no_index),
         slot_(level_.size(), no_index),
         face_seen_(static_cast<std::size_t>(mesh.face_count()), 0),
@@ -97,6 +99,7 @@ class FormEvaluator {
     // Normals of all but the outermost ring, which is there for their faces only.
     const std::size_t rings = ring_end_.size();
     for (std::size_t k = 0; k < ring_end_[rings - 2]; ++k) {
+      if (cancelled(k)) return;
       const Index v = order_[k];
       Vector3 sum = Vector3::Zero();
       for (const Index f : rings_.faces_at(v)) {
@@ -109,6 +112,7 @@ class FormEvaluator {
     for (Index round = 0; round < smoothing_; ++round) {
       const std::size_t end = ring_end_[rings - 3 - static_cast<std::size_t>(round)];
       for (std::size_t k = 0; k < end; ++k) {
+        if (cancelled(k)) return;
         const Index v = order_[k];
         Vector3 sum = Vector3::Zero();
         for (const Index u : rings_.around(v)) sum += normals_[static_cast<std::size_t>(u)];
@@ -118,7 +122,9 @@ class FormEvaluator {
       for (std::size_t k = 0; k < end; ++k)
         normals_[static_cast<std::size_t>(order_[k])] = smoothed_[static_cast<std::size_t>(order_[k])];
     }
+    std::size_t done = 0;
     for (const Index f : faces_) {
+      if (cancelled(done++)) return;
       const auto t = mesh_.faces().row(f);
       // D carries a tangent vector of the rest face to coefficients of its two first edges.
       const Complex e1 = connection_.to_complex(f, mesh_.edge_vector(3 * f));
@@ -144,6 +150,7 @@ class FormEvaluator {
     const double length = v.norm();
     return length > 0 ? Vector3(v / length) : Vector3::Zero();
   }
+  [[nodiscard]] bool cancelled(std::size_t k) const { return k % 4096 == 0 && context_ && context_->cancelled(); }
   [[nodiscard]] const Vector3& normal(Index v) const { return normals_[static_cast<std::size_t>(v)]; }
 
   // Rings about the seeds. A normal that differs from a rigid body's has a seed within `smoothing` edges; faces with
@@ -180,6 +187,7 @@ class FormEvaluator {
   const Connection<double>& connection_;
   const VertexRings& rings_;
   Index smoothing_;
+  const Context* context_;
   std::vector<Index> level_, slot_, order_, faces_;
   std::vector<std::size_t> ring_end_;  // order_[0, ring_end_[k]) are the vertices within k edges of the seeds
   std::vector<char> face_seen_;
@@ -230,26 +238,32 @@ inline std::vector<Index> all_vertices(const TriangleMesh<double>& mesh) {
   return all;
 }
 
-}  // namespace detail
-
-QUADRIG_INLINE PosedForms PosedForms::at_rest(const TriangleMesh<double>& mesh, const Connection<double>& connection,
-                                              Index smoothing) {
-  const detail::VertexRings rings(mesh);
-  PosedForms result;
-  result.forms_.resize(static_cast<std::size_t>(mesh.face_count()));
-  detail::FormEvaluator(mesh, connection, rings, smoothing)
+/// The form of each face at rest, of weight 1; of no use once the context is cancelled.
+inline std::vector<PosedForms::Form> rest_forms(const TriangleMesh<double>& mesh, const Connection<double>& connection,
+                                                const VertexRings& rings, Index smoothing, const Context* context) {
+  std::vector<PosedForms::Form> forms(static_cast<std::size_t>(mesh.face_count()));
+  FormEvaluator(mesh, connection, rings, smoothing, context)
       .run(
-          detail::all_vertices(mesh), 0,
+          all_vertices(mesh), 0,
           [&](std::span<const Index> vertices) {
             Points<double> points(static_cast<Eigen::Index>(vertices.size()), 3);
             for (std::size_t k = 0; k < vertices.size(); ++k)
               points.row(static_cast<Eigen::Index>(k)) = mesh.positions().row(vertices[k]);
             return points;
           },
-          [&](Index f, Form form) {
+          [&](Index f, PosedForms::Form form) {
             form.weight = 1;
-            result.forms_[static_cast<std::size_t>(f)] = form;
+            forms[static_cast<std::size_t>(f)] = form;
           });
+  return forms;
+}
+
+}  // namespace detail
+
+QUADRIG_INLINE PosedForms PosedForms::at_rest(const TriangleMesh<double>& mesh, const Connection<double>& connection,
+                                              Index smoothing) {
+  PosedForms result;
+  result.forms_ = detail::rest_forms(mesh, connection, detail::VertexRings(mesh), smoothing, nullptr);
   result.first_.resize(static_cast<std::size_t>(mesh.face_count()) + 1);
   for (std::size_t f = 0; f < result.first_.size(); ++f) result.first_[f] = f;
   return result;
@@ -282,19 +296,21 @@ QUADRIG_INLINE Expected<PosedForms> PosedForms::create(const TriangleMesh<double
     return Error{ErrorCode::bad_option, "all poses weigh nothing", "rest_weight, pose_weights",
                  "give one of them weight"};
 
-  PosedForms rest = at_rest(mesh, connection, options.smoothing);
+  if (context.cancelled()) return cancelled_error("posed curvature");
+  const detail::VertexRings rings(mesh);
+  const std::vector<Form> rest = detail::rest_forms(mesh, connection, rings, options.smoothing, &context);
+  if (context.cancelled()) return cancelled_error("posed curvature");
   struct Moved {
     Index face;
     Form form;
   };
   std::vector<std::vector<Moved>> moved(poses.size());
-  const detail::VertexRings rings(mesh);
   context.parallel_for(poses.size(), 4, [&](std::size_t begin, std::size_t end) {
-    detail::FormEvaluator evaluator(mesh, connection, rings, options.smoothing);
+    detail::FormEvaluator evaluator(mesh, connection, rings, options.smoothing, &context);
     for (std::size_t p = begin; p < end; ++p) {
       if (context.cancelled() || pose_weight(p) == 0) continue;
       const std::vector<Index> seeds = detail::bending_vertices(rings, weights, poses[p], options.rigid_tolerance);
-      if (seeds.empty()) continue;
+      if (seeds.empty() || context.cancelled()) continue;
       const auto place = [&](std::span<const Index> vertices) {
         Points<double> points(static_cast<Eigen::Index>(vertices.size()), 3);
         SkinWeights rows(static_cast<Index>(vertices.size()), weights.cols());
@@ -324,17 +340,21 @@ QUADRIG_INLINE Expected<PosedForms> PosedForms::create(const TriangleMesh<double
   for (const auto& list : moved)
     for (const Moved& m : list) ++result.first_[static_cast<std::size_t>(m.face) + 1];
   for (std::size_t f = 1; f < result.first_.size(); ++f) result.first_[f] += result.first_[f - 1];
+  if (context.cancelled()) return cancelled_error("posed curvature");
   result.forms_.resize(result.first_.back());
+  if (context.cancelled()) return cancelled_error("posed curvature");
   std::vector<std::size_t> next(result.first_.begin(), result.first_.end() - 1);
   for (std::size_t f = 0; f < next.size(); ++f) {
-    result.forms_[next[f]] = rest.forms_[f];
+    result.forms_[next[f]] = rest[f];
     ++next[f];
   }
-  for (const auto& list : moved)
+  for (const auto& list : moved) {
+    if (context.cancelled()) return cancelled_error("posed curvature");
     for (const Moved& m : list) {
       result.forms_[next[static_cast<std::size_t>(m.face)]++] = m.form;
       result.forms_[result.first_[static_cast<std::size_t>(m.face)]].weight -= m.form.weight;
     }
+  }
   for (std::size_t f = 0; f < next.size(); ++f) {  // what is left is the share of rest and of rigid motion
     double& left = result.forms_[result.first_[f]].weight;
     left = std::max(left, 0.0);
@@ -409,6 +429,7 @@ QUADRIG_INLINE Expected<PosedMetric> posed_metric(const TriangleMesh<double>& me
   constexpr double step = std::numbers::pi / 2 / scan;
   context.parallel_for(m, 1024, [&](std::size_t begin, std::size_t end) {
     for (std::size_t f = begin; f < end; ++f) {
+      if (f % 256 == 0 && context.cancelled()) return;
       const auto of_face = forms.of_face(static_cast<Index>(f));
       const auto at = [&](double angle) {
         return detail::best_aspect(of_face, std::polar(1.0, angle), options.largest_aspect, options.quad_error);

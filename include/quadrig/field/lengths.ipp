@@ -41,7 +41,7 @@ Expected<DensityTargets> smooth_log_densities(const TriangleMesh<Scalar>& mesh, 
         }
       }};
   QuadraticForm<Scalar> form(2 * mesh.face_count());
-  if (Status status = form.assemble(smoothness, alignment); !status.ok()) return status.error();
+  if (Status status = form.assemble(context, smoothness, alignment); !status.ok()) return status.error();
   auto solver = factory();
   if (!solver) return solver.error();
   if (Status status = solver->prepare(form.matrix(), form.pattern_version(), context); !status.ok())

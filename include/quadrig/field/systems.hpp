@@ -91,7 +91,7 @@ class BasicFieldSolver {
   BasicFieldSolver(const TriangleMesh<Scalar>& mesh, const Connection<Scalar>& connection, SolverFactory<K> factory)
       : mesh_(&mesh), connection_(&connection), factory_(std::move(factory)) {}
 
-  Status assemble(Slot& slot, const System& system);
+  Status assemble(Slot& slot, const System& system, const Context& context);
   [[nodiscard]] Status add_targets(Slot& slot, std::span<const Complex> target, std::span<const double> weight);
   [[nodiscard]] std::vector<Index> lasting_order(const QuadraticForm<K>& form) const;
   Status analyze(Slot& slot, Context& context);

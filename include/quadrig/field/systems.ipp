@@ -34,7 +34,7 @@ Expected<BasicFieldSolver<Scalar>> BasicFieldSolver<Scalar>::create(const Triang
 }
 
 template <class Scalar>
-Status BasicFieldSolver<Scalar>::assemble(Slot& slot, const System& system) {
+Status BasicFieldSolver<Scalar>::assemble(Slot& slot, const System& system, const Context& context) {
   std::vector<char> held(static_cast<std::size_t>(mesh_->face_count()), 0);
   for (const typename System::Fixed& fixed : system.fixed) {
     held[static_cast<std::size_t>(fixed.face)] = 1;
@@ -48,7 +48,7 @@ Status BasicFieldSolver<Scalar>::assemble(Slot& slot, const System& system) {
   std::vector<TermRef<K>> terms{smoothness, shrink};
   for (const AnyTerm<K>& own : system.own_terms) terms.emplace_back(own);
   // Without its targets, which may change alone. A face that no row reaches has its place in the matrix all the same.
-  if (Status status = slot.form.assemble(std::span<const TermRef<K>>(terms)); !status.ok()) return status;
+  if (Status status = slot.form.assemble(std::span<const TermRef<K>>(terms), &context); !status.ok()) return status;
   const std::span<const K> rhs = slot.form.rhs();
   slot.rhs.assign(rhs.begin(), rhs.end());
   slot.diagonal.resize(rhs.size());
@@ -212,7 +212,7 @@ Expected<std::vector<std::vector<Complex>>> BasicFieldSolver<Scalar>::minimize(s
 
   for (std::size_t k = 0; k < systems.size(); ++k) {
     const Stopwatch assembly;
-    if (Status status = assemble(slots_[k], systems[k]); !status.ok()) return status.error();
+    if (Status status = assemble(slots_[k], systems[k], context); !status.ok()) return status.error();
     report_.assembly_seconds += assembly.seconds();
     const Stopwatch analysis;
     if (Status status = analyze(slots_[k], context); !status.ok()) return status.error();
@@ -231,9 +231,8 @@ Expected<std::vector<std::vector<Complex>>> BasicFieldSolver<Scalar>::minimize(s
     for (std::size_t k = begin; k < end; ++k) {
       Outcome& outcome = outcomes[k];
       Slot& slot = slots_[k];
-      Context own;  // the caller's callbacks are for the caller's thread
-      own.cancel_flag = context.cancel_flag;
-      own.threads = std::max(1u, context.thread_count() / static_cast<unsigned>(systems.size()));
+      // The caller's callbacks are for the caller's thread.
+      Context own = context.quiet(std::max(1u, context.thread_count() / static_cast<unsigned>(systems.size())));
       std::vector<K> x(slot.form.rhs().size());
       if (!x.empty()) {
         const Stopwatch factorization;

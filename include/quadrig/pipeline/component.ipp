@@ -189,7 +189,9 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
     std::optional<OntoSurface> projection;
     if (!piece.source.empty()) projection.emplace(mesh, piece.source, surface);
     const auto onto = [&](const SurfacePoint& point) { return projection ? (*projection)(point) : point; };
+    if (context.cancelled()) return cancelled_error("remesh");
     const Connection<double> connection(mesh);
+    if (context.cancelled()) return cancelled_error("remesh");
 
     FieldOptions field_options;
     field_options.preset = options.preset;
@@ -221,6 +223,7 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
       leave("field: " + field.error().message());
       continue;
     }
+    if (context.cancelled()) return cancelled_error("remesh");
     result.seconds.field += field->report.seconds;
     result.backends.field = field->report.solve.backend;
     const SolverFactory<double> real_solver = options.solver.factory<double>();
@@ -230,7 +233,9 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
     for (Index h = 0; h < mesh.halfedge_count(); ++h)
       if (mesh.twin(h) == no_index || (crease < 3.14 && dihedral_angle(mesh, h) > crease)) held[at(h / 3)] = 1;
     surgery.split_extremes(0.75 * edge);
+    if (context.cancelled()) return cancelled_error("remesh");
     surgery.cancel_pairs(2 * edge);
+    if (context.cancelled()) return cancelled_error("remesh");
 
     // The map, and where it fails the field again with the pair of singularities next to the failure cancelled.
     std::size_t troubled = std::numeric_limits<std::size_t>::max();
@@ -271,6 +276,7 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
       for (std::size_t h = 0; h < rotation.size(); ++h)
         rotation[h] = static_cast<std::int8_t>(field->matching.r[h] & 3);
       const CutGraph cut = make_cut_graph(mesh, rotation, index);
+      if (context.cancelled()) return cancelled_error("remesh");
       bool pinned = false;
       const std::vector<Aligned> aligned = alignment(mesh, connection, cut, frames, crease, pinned);
       const TargetEdges target = target_edges(mesh, connection, cut, frames.u, frames.v);

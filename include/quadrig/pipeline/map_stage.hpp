@@ -94,6 +94,7 @@ template <class K>
   const auto singular = std::count_if(in.index.begin(), in.index.end(), [](Index i) { return i != 0; });
   Expected<MapUnknowns<K>> unknowns = MapUnknowns<K>::create(mesh, in.cut, in.index, in.aligned);
   if (!unknowns) return unknowns.error();
+  if (context.cancelled()) return cancelled_error("seamless map");
 
   // A valid seamless map, the sizes bending ever further to integrability.
   std::vector<K> x;
@@ -154,7 +155,8 @@ template <class K>
 
   const double scale = std::sqrt(in.quads / map_area(z));
   for (Complex& p : z) p *= scale;
-  const CoarseMap coarse = decimate_map(mesh, in.cut, in.index, in.aligned, z);
+  const CoarseMap coarse = decimate_map(mesh, in.cut, in.index, in.aligned, z, &context);
+  if (context.cancelled()) return cancelled_error("coarse map");
   std::vector<char> on_border(at(mesh.vertex_count()));
   for (Index v = 0; v < mesh.vertex_count(); ++v) on_border[at(v)] = mesh.on_boundary(v);
 
@@ -168,12 +170,14 @@ template <class K>
   for (int attempt = 0; attempt < 12 && !coarse_quads; ++attempt, quantization.target_quads *= 1.5) {
     Expected<Quantization> tried = quantize(coarse, in.index, on_border, quantization, context);
     if (!tried) return tried.error();
+    if (context.cancelled()) return cancelled_error("coarse map");
     const GridMap grid = coarse_grid_map(coarse, *tried);
     if (!grid_map_exact(grid)) return map_error("the coarse map is not an integer-grid map");
     lap(seconds.integers);
     Expected<ExtractedQuads> extracted = extract_quads(grid, static_cast<std::size_t>(tried->quads + 0.5));
     if (!extracted) return extracted.error();
     const auto on_surface = [&](const SurfacePoint& p) { return in.onto(place(p)); };
+    if (context.cancelled()) return cancelled_error("extraction");
     Expected<QuadMesh> quads = placed_quads(in.surface, std::move(*extracted), on_surface, euler, loops);
     lap(seconds.extraction);
     if (quads) {
@@ -197,6 +201,7 @@ template <class K>
   const auto fine_quads = [&]() -> Expected<QuadMesh> {
     Expected<IntegerSolution<K>> solution = substitute_integers<K>(in.cut, *unknowns, coarse, *integers);
     if (!solution) return solution.error();
+    if (context.cancelled()) return cancelled_error("fine map");
     TargetEdges scaled = target;
     const double factor = std::sqrt(integers->quads / target_area(target));
     for (Complex& d : scaled) d *= factor;
@@ -222,9 +227,11 @@ template <class K>
                        count_of(solved->defects.wrong_cones, "wrong cone"));
     Expected<GridMap> grid = fixed_point_map<K>(mesh, in.cut, *solution, fine);
     if (!grid) return grid.error();
+    if (context.cancelled()) return cancelled_error("fine map");
     if (!grid_map_exact(*grid)) return map_error("fine map: a triangle flips in fixed point");
     Expected<ExtractedQuads> extracted = extract_quads(*grid, static_cast<std::size_t>(integers->quads + 0.5));
     if (!extracted) return extracted.error();
+    if (context.cancelled()) return cancelled_error("extraction");
     Expected<QuadMesh> quads = placed_quads(in.surface, std::move(*extracted), in.onto, euler, loops);
     lap(seconds.extraction);
     return quads;

@@ -59,6 +59,7 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
   if (context.cancelled()) return cancelled_error("remesh");
   context.progress("metric", 0);
 
+  const auto stop = [&] { return context.cancelled(); };
   // Sizes and posed directions, once for the whole asset.
   Stopwatch watch;
   SizeField sizes;
@@ -69,6 +70,7 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
     if (!dominance) return dominance.error();
     for (Index f = 0; f < mesh.face_count(); ++f) omega1.push_back(dominance->omega(f, 1));
   }
+  if (stop()) return cancelled_error("remesh");
   const bool posed = sizing.density == DensitySource::posed || options.directions.posed > 0;
   const bool curved = posed || sizing.density == DensitySource::rest;
   if (curved) {
@@ -111,9 +113,11 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
     case DensitySource::field:
       break;
   }
+  if (stop()) return cancelled_error("remesh");
   const bool sized = sizing.density != DensitySource::field;
   if (sized && sizing.density != DensitySource::uniform)
     sizes.density = graded_density(mesh, sizes.density, options.quads, sizing.gradation);
+  if (stop()) return cancelled_error("remesh");
   result.report.seconds.metric = watch.seconds();
 
   // Components, each with its share.
@@ -143,15 +147,14 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
   left = std::max(left, 0.5 * options.quads);
   for (std::size_t c = 0; c < faces.size(); ++c)
     if (!(due[c] > 0)) due[c] = std::max(1.0, left * share[c] / rest);
+  if (stop()) return cancelled_error("remesh");
   const detail::RemeshShared shared{
       asset, connection, options, sizing, sized ? &sizes : nullptr, metric ? &*metric : nullptr};
   std::vector<std::optional<Expected<detail::ComponentResult>>> parts(faces.size());
   context.progress("remesh", 0.1);
   const auto work = [&](std::size_t begin, std::size_t end) {
     for (std::size_t c = begin; c < end; ++c) {
-      Context inner;
-      inner.cancel_flag = context.cancel_flag;
-      inner.threads = faces.size() > 1 ? 1 : context.threads;
+      const Context inner = context.quiet(faces.size() > 1 ? 1 : context.threads);
       parts[c] = detail::remesh_component(shared, faces[c], due[c], inner);
     }
   };

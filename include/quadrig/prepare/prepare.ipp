@@ -107,6 +107,9 @@ QUADRIG_INLINE Expected<Prepared> prepare(const PolygonMesh& input, const Vertex
   for (const Index v : input.corners) used[static_cast<std::size_t>(v)] = 1;
   report.unreferenced_vertices = static_cast<Index>(std::count(used.begin(), used.end(), 0));
 
+  // First what repeats another face: the two sides of a two-sided triangle would hide each other's open edges.
+  Groups alone(work.source.size());
+  apply_groups(work, alone, report);
   Groups welded = weld(work, options, report);
   if (context.cancelled()) return cancelled_error("prepare");
   apply_groups(work, welded, report);

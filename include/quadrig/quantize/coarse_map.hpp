@@ -50,8 +50,8 @@ class ExpressionPool {
 class MapDecimator {
  public:
   MapDecimator(const TriangleMesh<double>& mesh, const CutGraph& cut, const std::vector<Index>& index,
-               const std::vector<Aligned>& aligned, const std::vector<Complex>& z)
-      : face_count_(mesh.face_count()) {
+               const std::vector<Aligned>& aligned, const std::vector<Complex>& z, const Context* context)
+      : face_count_(mesh.face_count()), context_(context) {
     const Index half_edges = mesh.halfedge_count(), n = mesh.vertex_count();
     origin_.resize(at(half_edges));
     twin_.resize(at(half_edges));
@@ -107,15 +107,16 @@ class MapDecimator {
   }
 
   CoarseMap run(Index vertex_variables) {
-    for (int round = 0; round < 200; ++round) {
+    for (int round = 0; round < 200 && !cancelled(0); ++round) {
       const bool flipped = flip_to_delaunay();
       const bool collapsed = collapse_round();
       if (!flipped && !collapsed) break;
     }
-    return compact(vertex_variables);
+    return cancelled(0) ? CoarseMap{} : compact(vertex_variables);
   }
 
  private:
+  [[nodiscard]] bool cancelled(std::size_t k) const { return k % 1024 == 0 && context_ && context_->cancelled(); }
   static Index next(Index h) { return h % 3 == 2 ? h - 2 : h + 1; }
   static Index prev(Index h) { return h % 3 == 0 ? h + 2 : h - 1; }
   [[nodiscard]] Index target(Index h) const { return origin_[at(next(h))]; }
@@ -202,7 +203,7 @@ class MapDecimator {
         for (Index h = 3 * f; h < 3 * f + 3; ++h)
           if (twin_[at(h)] > h) queue.push_back(h);
     std::size_t budget = 20 * queue.size() + 100;
-    while (!queue.empty() && budget-- > 0) {
+    while (!queue.empty() && budget-- > 0 && !cancelled(budget)) {
       const Index h = queue.back();
       queue.pop_back();
       if (!alive_[at(h / 3)] || !try_flip(h)) continue;
@@ -296,7 +297,11 @@ class MapDecimator {
     }
     std::sort(order.begin(), order.end());
     bool any = false;
-    for (const auto& [length, v] : order) any = try_collapse(v) || any;
+    std::size_t tried = 0;
+    for (const auto& [length, v] : order) {
+      if (cancelled(tried++)) break;
+      any = try_collapse(v) || any;
+    }
     return any;
   }
 
@@ -537,6 +542,7 @@ class MapDecimator {
   };
 
   Index face_count_;
+  const Context* context_;
   std::vector<Index> origin_, twin_, outgoing_, translation_, corner_translation_;
   std::vector<std::int8_t> rotation_, corner_rotation_;
   std::vector<Complex> vector_;
@@ -553,11 +559,11 @@ class MapDecimator {
 }  // namespace detail
 
 /// \pre the map is valid (check_map), z its corner parameters.
-/// \cost about O(m log m).
+/// \cost about O(m log m). Empty once the context, where there is one, is cancelled.
 [[nodiscard]] inline CoarseMap decimate_map(const TriangleMesh<double>& mesh, const CutGraph& cut,
                                             const std::vector<Index>& index, const std::vector<Aligned>& aligned,
-                                            const std::vector<Complex>& z) {
-  return detail::MapDecimator(mesh, cut, index, aligned, z).run(mesh.vertex_count());
+                                            const std::vector<Complex>& z, const Context* context = nullptr) {
+  return detail::MapDecimator(mesh, cut, index, aligned, z, context).run(mesh.vertex_count());
 }
 
 }  // namespace quadrig

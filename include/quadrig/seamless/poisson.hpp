@@ -137,7 +137,7 @@ template <class K>
   // Assembles and solves; a straightening has the matrix of the iteration before.
   const auto solve = [&](bool factorized) -> Status {
     if (context.cancelled()) return cancelled_error("seamless map");
-    if (Status status = form.assemble(poisson); !status.ok()) return status;
+    if (Status status = form.assemble(context, poisson); !status.ok()) return status;
     std::vector<K> free_values(at(form.free_count()));
     if (form.free_count() > 0) {
       if (!factorized)
@@ -146,9 +146,12 @@ template <class K>
       if (SolveInfo info = solver->solve(form.rhs(), free_values, context); !info.status.ok()) return info.status;
       report.backend = solver->description();
     }
+    if (context.cancelled()) return cancelled_error("seamless map");
     x = form.expand(free_values);
     z = unknowns.corners(x);
+    if (context.cancelled()) return cancelled_error("seamless map");
     report.defects = check_map(mesh, index, z);
+    if (context.cancelled()) return cancelled_error("seamless map");
     return {};
   };
   for (;;) {

@@ -138,7 +138,7 @@ struct LogScaleReport {
         }
       }};
   QuadraticForm<double> form(2 * n);
-  if (Status status = form.assemble(curl, smooth, fidelity); !status.ok()) return status.error();
+  if (Status status = form.assemble(context, curl, smooth, fidelity); !status.ok()) return status.error();
   Expected<AnySolver<double>> solver = options.solver();
   if (!solver) return solver.error();
   if (Status status = solver->prepare(form.matrix(), form.pattern_version(), context); !status.ok())

@@ -41,9 +41,7 @@ SolveInfo solve_each(std::span<const K> b, std::span<K> x, Index count, bool par
   std::vector<SolveInfo> infos(static_cast<std::size_t>(std::max(count, Index{0})));
   const auto work = [&](std::size_t begin, std::size_t end) {
     for (std::size_t k = begin; k < end; ++k) {
-      Context own;  // the caller's callbacks are for the caller's thread
-      own.cancel_flag = context.cancel_flag;
-      own.threads = parallel ? 1 : context.threads;
+      Context own = context.quiet(parallel ? 1 : context.threads);  // its callbacks are for the caller's thread
       infos[k] = one(b.subspan(k * n, n), x.subspan(k * n, n), own);
     }
   };

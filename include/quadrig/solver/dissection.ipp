@@ -553,10 +553,13 @@ QUADRIG_INLINE std::vector<Index> nested_dissection(Index size, std::span<const 
     ++starts[i + 1];
     ++starts[j + 1];
   });
+  std::vector<Index> order(n);
+  std::iota(order.begin(), order.end(), 0);
+  if (context.cancelled()) return order;
   // Rows that touch a large share of the unknowns hide every separator: they go last.
   const auto dense = static_cast<Index>(std::max(16.0, 10 * std::sqrt(static_cast<double>(n))));
   detail::DissectionPiece piece;
-  std::vector<Index> order(n), local(n);
+  std::vector<Index> local(n);
   std::size_t last = n;
   for (std::size_t v = n; v-- > 0;)
     if (starts[v + 1] > dense) order[--last] = static_cast<Index>(v);
@@ -568,6 +571,7 @@ QUADRIG_INLINE std::vector<Index> nested_dissection(Index size, std::span<const 
       local[v] = piece.size();
       piece.unknown.push_back(static_cast<Index>(v));
     }
+  if (context.cancelled()) return order;
   for (std::size_t v = 0; v < n; ++v) starts[v + 1] += starts[v];
   std::vector<Index> both(static_cast<std::size_t>(starts[n]));
   std::vector<Index> next(starts.begin(), starts.end() - 1);
@@ -575,6 +579,7 @@ QUADRIG_INLINE std::vector<Index> nested_dissection(Index size, std::span<const 
     both[static_cast<std::size_t>(next[i]++)] = local[j];
     both[static_cast<std::size_t>(next[j]++)] = local[i];
   });
+  if (context.cancelled()) return order;
   if (last == n) {
     piece.starts = std::move(starts);
     piece.neighbors = std::move(both);

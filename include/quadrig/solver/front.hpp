@@ -124,7 +124,7 @@ __attribute__((target("avx2"))) void front_trapezoid_avx2(const K* left, std::pt
 template <class K>
 struct Front {
   using Real = real_of<K>;
-  static constexpr Index panel_block = 8, thread_block = 48;
+  static constexpr Index panel_block = 8, thread_block = 16;
   static constexpr double worth_threads = 4e6;  // multiplications
 
   static std::ptrdiff_t offset(Index column, Index stride) { return static_cast<std::ptrdiff_t>(column) * stride; }

@@ -89,7 +89,7 @@ class MultigridLevels {
   /// The unknown at each place of `cycle`'s vectors.
   [[nodiscard]] const std::vector<Index>& order() const { return order_; }
 
-  /// x = one cycle on b from zero; returns b · x. \pre build succeeded
+  /// x = one cycle on b from zero; returns b · x, and anything once the context is cancelled. \pre build succeeded
   double cycle(std::span<const L> b, std::span<L> x, Context& context) { return cycle(0, b, x, context); }
 
   [[nodiscard]] std::size_t count() const { return levels_.size(); }
@@ -125,18 +125,20 @@ class MultigridLevels {
     Level& level = levels_[depth];
     if (depth + 1 == levels_.size()) {
       if constexpr (std::is_same_v<K, L>) {
-        coarsest_.substitute(b, x);
+        coarsest_.substitute(b, x, &context);
       } else {
         const std::vector<K> wide(b.begin(), b.end());
         std::vector<K> solution(wide.size());
-        coarsest_.substitute(wide, solution);
+        coarsest_.substitute(wide, solution, &context);
         for (std::size_t i = 0; i < x.size(); ++i) x[i] = static_cast<L>(solution[i] / factor_);
       }
       double sum = 0;
       for (std::size_t i = 0; i < x.size(); ++i) sum += BlockedRows<L>::product(b[i], x[i]);
       return sum;
     }
+    if (context.cancelled()) return 0;
     level.matrix.smooth_upwards(b, x, level.residual, context);
+    if (context.cancelled()) return 0;
     level.restrict_to.multiply(level.residual, level.right, context);
     cycle(depth + 1, level.right, level.correction, context);
     BlockedRows<L>& below = levels_[depth + 1].matrix;
@@ -145,6 +147,7 @@ class MultigridLevels {
       cycle(depth + 1, level.rest, level.more, context);
       for (std::size_t i = 0; i < level.more.size(); ++i) level.correction[i] += level.more[i];
     }
+    if (context.cancelled()) return 0;
     return level.matrix.correct_and_smooth_downwards(level.prolong, level.correction, b, x, context);
   }
 

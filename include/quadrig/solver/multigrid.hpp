@@ -140,6 +140,7 @@ class MultigridCg {
             "use a direct solver", false);
       if (context.cancelled()) return {.status = cancelled_error("solver multigrid")};
       const double next = levels.cycle(right, z, context);
+      if (context.cancelled()) return {.status = cancelled_error("solver multigrid")};
       if (!(next > 0)) return indefinite(false);
       const double beta = info.iterations == 0 ? 0 : next / rho * (unit / before);
       rho = next;

@@ -23,10 +23,14 @@ QUADRIG_INLINE std::vector<Index> detail::minimum_degree(Index size, std::span<c
 QUADRIG_INLINE EliminationOrder elimination_order(Index size, std::span<const Index> column_starts,
                                                   std::span<const Index> rows, Ordering ordering, Context& context) {
   const auto work = [&](std::span<const Index> order) {
-    return detail::SymbolicBuilder(size, column_starts, rows).multiplications(order);
+    return detail::SymbolicBuilder(size, column_starts, rows, &context).multiplications(order);
   };
   EliminationOrder best;
-  if (ordering != Ordering::nested_dissection) {
+  // Minimum degree cannot be stopped, and on so many unknowns of a surface dissection is better anyway.
+  constexpr Index always_dissected = 300'000;
+  const bool dissect =
+      ordering == Ordering::nested_dissection || (ordering == Ordering::automatic && size > always_dissected);
+  if (!dissect) {
     best.unknowns = detail::minimum_degree(size, column_starts, rows);
     constexpr Index always_small = 20'000;
     if (ordering == Ordering::automatic && size < always_small) return best;
@@ -38,7 +42,7 @@ QUADRIG_INLINE EliminationOrder elimination_order(Index size, std::span<const In
   EliminationOrder dissected{nested_dissection(size, column_starts, rows, {}, context), Ordering::nested_dissection, 0};
   if (context.cancelled()) return dissected;
   dissected.multiplications = work(dissected.unknowns);
-  return ordering == Ordering::automatic && best.multiplications < dissected.multiplications ? best : dissected;
+  return !dissect && best.multiplications < dissected.multiplications ? best : dissected;
 }
 
 }  // namespace quadrig

@@ -48,7 +48,8 @@ class SupernodalCholesky {
       analysis->unknown.assign(order.begin(), order.end());
       analysis->ordering.reset();
     }
-    analysis->symbolic = detail::SymbolicBuilder(A.size, A.column_starts, A.rows).build(analysis->unknown);
+    analysis->symbolic = detail::SymbolicBuilder(A.size, A.column_starts, A.rows, &context).build(analysis->unknown);
+    if (context.cancelled()) return cancelled_error("solver supernodal");
     for (std::size_t i = 0; i < n; ++i) analysis->unknown[at(analysis->symbolic.position[i])] = static_cast<Index>(i);
     analysis->column_starts.assign(A.column_starts.begin(), A.column_starts.end());
     analysis->rows.assign(A.rows.begin(), A.rows.end());
@@ -62,7 +63,12 @@ class SupernodalCholesky {
     const detail::SymbolicFactor& symbolic = analysis_->symbolic;
     factorized_ = false;
     values_.assign(A.values.begin(), A.values.end());
-    panels_.assign(symbolic.entries(), K{});
+    panels_.clear();
+    panels_.reserve(symbolic.entries());
+    while (panels_.size() < symbolic.entries()) {  // the first touch of so much memory takes its time
+      if (context.cancelled()) return cancelled_error("solver supernodal");
+      panels_.resize(std::min(symbolic.entries(), panels_.size() + (std::size_t{1} << 20)));
+    }
     for (std::size_t e = 0; e < values_.size(); ++e) {
       const std::int64_t place = symbolic.place[e];
       if (place >= 0)
@@ -92,7 +98,7 @@ class SupernodalCholesky {
     for (Index s = 0; s < symbolic.supernode_count() && !context.cancelled() && run.failure == none; ++s) {
       if (done[at(s)]) continue;
       keep_square(run, s);
-      eliminate(run, s, &context);
+      eliminate(run, s, &context, context);
       for (Index c = symbolic.child[at(s)]; c != no_index; c = symbolic.sibling[at(c)]) run.kept[at(c)].reset();
     }
     if (context.cancelled()) return cancelled_error("solver supernodal");
@@ -110,7 +116,8 @@ class SupernodalCholesky {
     if (!factorized_)
       return {.status = Error{ErrorCode::numeric, "solve without a successful factorization", "solver supernodal", {}}};
     if (context.cancelled()) return {.status = cancelled_error("solver supernodal")};
-    substitute(b, x);
+    substitute(b, x, &context);
+    if (context.cancelled()) return {.status = cancelled_error("solver supernodal")};
     SolveInfo info;
     const HermitianView<K> A{static_cast<Index>(b.size()), analysis_->column_starts, analysis_->rows, values_};
     info.residual = static_cast<double>(relative_residual<K>(A, x, b));
@@ -126,14 +133,15 @@ class SupernodalCholesky {
                                  [&](auto right, auto solution, Context& own) { return solve(right, solution, own); });
   }
 
-  /// A solve that measures nothing. \pre factorize succeeded
-  void substitute(std::span<const K> b, std::span<K> x) const {
+  /// A solve that measures nothing. x is of no use once the context is cancelled. \pre factorize succeeded
+  void substitute(std::span<const K> b, std::span<K> x, const Context* context = nullptr) const {
     assert(factorized_ && b.size() == analysis_->unknown.size() && x.size() == b.size());
     const detail::SymbolicFactor& symbolic = analysis_->symbolic;
     std::vector<K> y(b.size()), gathered;
     for (std::size_t k = 0; k < y.size(); ++k) y[k] = b[at(analysis_->unknown[k])];
-    for (Index s = 0; s < symbolic.supernode_count(); ++s) forward(s, y, gathered);
-    for (Index s = symbolic.supernode_count(); s-- > 0;) backward(s, y, gathered);
+    const auto stopped = [&](Index s) { return s % 256 == 0 && context && context->cancelled(); };
+    for (Index s = 0; s < symbolic.supernode_count() && !stopped(s); ++s) forward(s, y, gathered);
+    for (Index s = symbolic.supernode_count(); s-- > 0 && !stopped(s);) backward(s, y, gathered);
     for (std::size_t k = 0; k < y.size(); ++k) x[at(analysis_->unknown[k])] = y[k];
   }
 
@@ -239,12 +247,13 @@ class SupernodalCholesky {
       if (stacks[k].size() < peak[k]) stacks[k].resize(peak[k]);
     walk([&](Index s, std::size_t parity, std::size_t begin) {
       if (s != root) run.square[at(s)] = stacks[parity].data() + begin;
-      return !context.cancelled() && eliminate(run, s, nullptr);
+      return !context.cancelled() && eliminate(run, s, nullptr, context);
     });
   }
 
   // One front: what its children leave is added in their order, its columns are factored, and the rest is left.
-  bool eliminate(Run& run, Index s, const Context* context) {
+  // `context` is that of the threads it may use, `asked` is polled. False when it failed or was cancelled.
+  bool eliminate(Run& run, Index s, const Context* context, const Context& asked) {
     const detail::SymbolicFactor& symbolic = analysis_->symbolic;
     const Index width = symbolic.width(s), below = symbolic.below(s), height = width + below;
     K* const panel = panels_.data() + symbolic.panel[at(s)];
@@ -263,6 +272,7 @@ class SupernodalCholesky {
     const Real rounding = Real(4) * std::numeric_limits<Real>::epsilon();
     const Index first = symbolic.first[at(s)];
     const auto accept = [&](Index j, Real pivot) {
+      if (j > 0 && j % 8 == 0 && asked.cancelled()) return false;
       const auto unknown = at(analysis_->unknown[at(first + j)]);
       const Real diagonal = std::real(values_[at(analysis_->column_starts[unknown])]);
       if (std::isfinite(pivot) && pivot > 0 && pivot > rounding * diagonal) return true;  // false for NaN too
@@ -270,8 +280,16 @@ class SupernodalCholesky {
       return false;
     };
     if (detail::Front<K>::factorize(panel, width, height, accept, context) != no_index) return false;
-    if (below > 0)
-      detail::Front<K>::subtract_product(panel + width, width, height, square, below, below, below, context);
+    // Some blocks of columns at a time, to ask between them.
+    const double block_work = static_cast<double>(detail::Front<K>::thread_block) * width * below;
+    const double blocks = std::max(1.0, std::floor(3e7 / block_work)) * (context ? context->thread_count() : 1);
+    const Index step = detail::Front<K>::thread_block * static_cast<Index>(std::min(blocks, 1e6));
+    for (Index c = 0; c < below; c += step) {
+      if (c > 0 && asked.cancelled()) return false;
+      detail::Front<K>::subtract_product(panel + width + c, width, height,
+                                         square + static_cast<std::ptrdiff_t>(c) * below + c, below, below - c,
+                                         std::min(step, below - c), context);
+    }
     return true;
   }
 

@@ -32,8 +32,10 @@ struct SymbolicFactor {
 /// Source: Liu 1990 (elimination tree), Gilbert, Ng and Peyton 1994 (counts), Ashcraft and Grimes 1989 (relaxation).
 class SymbolicBuilder {
  public:
-  SymbolicBuilder(Index size, std::span<const Index> column_starts, std::span<const Index> rows)
-      : n_(size), column_starts_(column_starts), rows_(rows) {}
+  /// `context` is asked between passes, where there is one.
+  SymbolicBuilder(Index size, std::span<const Index> column_starts, std::span<const Index> rows,
+                  const Context* context = nullptr)
+      : n_(size), column_starts_(column_starts), rows_(rows), context_(context) {}
 
   /// Of a factorization under the order: Σ over columns of half the square of the entries below the diagonal.
   [[nodiscard]] double multiplications(std::span<const Index> order) {
@@ -46,17 +48,22 @@ class SymbolicBuilder {
   /// Of the factor under the last order, the diagonal too.
   [[nodiscard]] double entries() const { return std::accumulate(counts_.begin(), counts_.end(), 0.0); }
 
+  /// Of no use once the context is cancelled.
   [[nodiscard]] SymbolicFactor build(std::span<const Index> order) {
-    count(order);
-    merge();
     SymbolicFactor factor;
+    count(order);
+    if (cancelled()) return factor;
+    merge();
+    if (cancelled()) return factor;
     factor.position = position_;
     structure(factor);
+    if (cancelled()) return factor;
     locate(factor);
     return factor;
   }
 
  private:
+  [[nodiscard]] bool cancelled() const { return context_ && context_->cancelled(); }
   template <class Body>
   void for_each_entry(Body&& body) const {
     for (std::size_t j = 0; j < at(n_); ++j)
@@ -129,8 +136,11 @@ class SymbolicBuilder {
     position_.assign(at(n_), 0);
     for (std::size_t k = 0; k < order.size(); ++k) position_[at(order[k])] = static_cast<Index>(k);
     gather();
+    if (cancelled()) return;
     eliminate();
+    if (cancelled()) return;
     renumber(postorder(parent_));
+    if (cancelled()) return;
     count_entries();
   }
 
@@ -346,6 +356,7 @@ class SymbolicBuilder {
 
   Index n_;
   std::span<const Index> column_starts_, rows_;
+  const Context* context_;
   std::vector<Index> position_, starts_, before_, parent_, counts_, after_starts_, after_;
   std::vector<Index> first_, super_parent_, fresh_;
 };

@@ -188,7 +188,7 @@ inline Status smooth_weights(const TriangleMesh<double>& mesh, double length, co
                  }
                }};
   QuadraticForm<double> form(mesh.vertex_count());
-  if (Status status = form.assemble(term); !status) return status;
+  if (Status status = form.assemble(context, term); !status) return status;
   Expected<AnySolver<double>> solver = make_solver<double>(solver_name);
   if (!solver) return solver.error();
   if (Status status = solver->prepare(form.matrix(), form.pattern_version(), context); !status) return status;
@@ -258,7 +258,7 @@ inline Status biharmonic_weights(const TriangleMesh<double>& mesh, std::span<con
   for (int round = 0; round < rounds; ++round) {
     if (context.cancelled()) return cancelled_error("bind");
     if (form.free_count() == 0) break;
-    if (Status status = form.assemble(term); !status) return status;
+    if (Status status = form.assemble(context, term); !status) return status;
     if (Status status = solver->prepare(form.matrix(), form.pattern_version(), context); !status) return status;
     std::vector<double> x(at(form.free_count()));
     if (const SolveInfo info = solver->solve(form.rhs(), x, context); !info.status) return info.status;
@@ -384,9 +384,7 @@ QUADRIG_INLINE Expected<BoundWeights> bind_weights(const TriangleMesh<double>& m
       for (double& a : area) a = std::max(a, 1e-3 * mean);
       std::vector<Status> status(static_cast<std::size_t>(bones));
       context.parallel_for(static_cast<std::size_t>(bones), 1, [&](std::size_t begin, std::size_t end) {
-        Context quiet;
-        quiet.cancel_flag = context.cancel_flag;
-        quiet.threads = 1;
+        Context quiet = context.quiet(1);
         for (std::size_t b = begin; b < end; ++b) {
           Eigen::VectorXd column = dense.col(static_cast<Index>(b));
           status[b] = detail::biharmonic_weights(mesh, holder, static_cast<Index>(b), options, cotangent, area,
