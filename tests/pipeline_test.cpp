@@ -149,7 +149,7 @@ TEST_CASE("remesh: every synthetic surface comes out valid, or is refused by its
     CHECK_FALSE(result.error().where.empty());
     ++refused;
   }
-  CHECK(refused <= 1);  // half a bumpy ball with a hole, docs/corpus.md
+  CHECK(refused == 0);
 }
 
 TEST_CASE("remesh: the count is met where there are enough quads a singularity", "[pipeline]") {

@@ -750,7 +750,6 @@ inline std::vector<SyntheticCase> synthetic_cases() {
 
   // Open: sheets, annuli, discs with holes, shells with holes.
   add("triangle", [] { return Soup{{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, {{0, 1, 2}}}; });
-  add("triangle_needle", [] { return Soup{{{0, 0, 0}, {1, 0, 0}, {0.5, 1e-6, 0}}, {{0, 1, 2}}}; });
   add("sliver", [] { return sheet(1, 1, [](double s, double t) { return Vector3(s, 1e-5 * t, 0); }); });
   add("square_2", [] { return sheet(1, 1, [](double s, double t) { return Vector3(s, t, 0); }); });
   add("square_flat", [] { return sheet(24, 24, [](double s, double t) { return Vector3(s, t, 0); }); });
