@@ -141,10 +141,12 @@ class FieldSurgery {
     return split;
   }
 
-  /// Cancels pairs of opposite sign that are joined by an edge path shorter than `length`, the closest first. Returns
-  /// how many pairs went.
-  Index cancel_pairs(double length) {
-    Index cancelled = 0;
+  /// Cancels pairs of opposite sign that are joined by an edge path shorter than `length`, the closest first; while
+  /// there are more than `enough` singularities also those shorter than `crowded`. Returns how many pairs went.
+  Index cancel_pairs(double length, double crowded, double enough) {
+    Index cancelled = 0, singular = 0;
+    for (Index v = 0; v < mesh_.vertex_count(); ++v) singular += interior(v) && index(v) != 0;
+    const double reach = singular > enough ? std::max(length, crowded) : length;
     struct Pair {
       double length;
       Index plus, minus;
@@ -155,13 +157,17 @@ class FieldSurgery {
     std::vector<Pair> pairs;
     for (Index v = 0; v < mesh_.vertex_count(); ++v)
       if (interior(v) && index(v) > 0)
-        search({v}, length, [&](Index w, double d) {
+        search({v}, reach, [&](Index w, double d) {
           if (interior(w) && index(w) < 0) pairs.push_back({d, v, w});
           return false;
         });
     std::sort(pairs.begin(), pairs.end());
-    for (const Pair& pair : pairs)
-      if (index(pair.plus) > 0 && index(pair.minus) < 0 && cancel(pair.plus, pair.minus)) ++cancelled;
+    for (const Pair& pair : pairs) {
+      if (pair.length >= length && singular <= enough) break;
+      if (!(index(pair.plus) > 0 && index(pair.minus) < 0 && cancel(pair.plus, pair.minus))) continue;
+      ++cancelled;
+      singular -= (index(pair.plus) == 0) + (index(pair.minus) == 0);
+    }
     return cancelled;
   }
 

@@ -234,7 +234,8 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
       if (mesh.twin(h) == no_index || (crease < 3.14 && dihedral_angle(mesh, h) > crease)) held[at(h / 3)] = 1;
     surgery.split_extremes(0.75 * edge);
     if (context.cancelled()) return cancelled_error("remesh");
-    surgery.cancel_pairs(2 * edge);
+    // Farther ones shape limbs, and go only where each singularity would have few quads to itself.
+    surgery.cancel_pairs(0.75 * edge, 2 * edge, quads / 20);
     if (context.cancelled()) return cancelled_error("remesh");
 
     // The map, and where it fails the field again with the pair of singularities next to the failure cancelled.
