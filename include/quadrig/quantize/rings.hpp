@@ -11,8 +11,8 @@ struct Ring {
   /// translation once round.
   std::vector<std::pair<Index, int>> walk;
   int axis = 0;       ///< of the line in that chart: 0 for U, 1 for V
-  double length = 0;  ///< once round
-  double pitch = 0;   ///< how far beside its beginning it comes back, to the left
+  double length = 0;  ///< once round: the translation along the line
+  double pitch = 0;   ///< and to the left of it: how far beside its beginning it comes back
 
   template <class T>
   [[nodiscard]] T across(const T& u, const T& v) const {
@@ -47,7 +47,7 @@ struct Ring {
       for (int step = 0; step < most_crossings && travelled < longest * quad; ++step) {
         if (step > 0 && face == start && (turns & 3) == 0) {
           const Complex off = point - middle;
-          const double beside = cross(direction, off);
+          const double beside = cross(off, direction);
           const double round = travelled - (off * std::conj(direction)).real();
           if (std::abs(beside) < std::min(most_pitch * quad, 0.1 * round) && round > shortest * quad) {
             Ring ring{{}, axis, round, beside};
