@@ -92,7 +92,7 @@ class Quantizer {
       for (std::size_t ring = 0; ring < rings_.size(); ++ring)
         for (int guard = 0; guard < 4 && pitch(ring) != 0; ++guard) {
           if (context.cancelled() || work_ > enough) return moves + accepted;
-          if (!close_ring(ring)) break;
+          if (!close_ring(ring, true) && !close_ring(ring, false)) break;
           ++accepted;
         }
       if (accepted == 0) break;
@@ -382,16 +382,16 @@ class Quantizer {
 
   /// Cheapest closed strips that change the pitch of a ring to 0, or by one towards it: the first that makes things
   /// better is kept. A search over pairs of state and change so far.
-  bool close_ring(std::size_t ring) {
+  bool close_ring(std::size_t ring, bool tolled) {
     const Index states = 4 * map_.halfedge_count();
     const std::int8_t* const effect = ring_effect_.data() + ring * at(states);
     const std::int64_t off = pitch(ring);
     const int sign = off > 0 ? -1 : 1;
     const int all = static_cast<int>(std::min<std::int64_t>(std::abs(off), 3));
     constexpr int most = 3, levels = 2 * most + 1;
-    // Rings that are closed are not to be opened: crossing them costs what that would.
+    // Rings that are closed are not to be opened: crossing them costs what that would, though a strip may cross twice.
     std::vector<double> toll(at(states), 0);
-    for (std::size_t other = 0; other < rings_.size(); ++other)
+    for (std::size_t other = 0; tolled && other < rings_.size(); ++other)
       if (other != ring && pitch(other) == 0)
         for (std::size_t node = 0; node < toll.size(); ++node)
           toll[node] += ring_weight_[other] * std::abs(static_cast<int>(ring_effect_[other * toll.size() + node]));
