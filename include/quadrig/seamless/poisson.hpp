@@ -48,7 +48,7 @@ struct MapDefects {
 
 struct PoissonOptions {
   int max_iterations = 40;
-  int patience = 5;  ///< iterations in a row that may pass without fewer defects
+  int patience = 5;             ///< iterations in a row that may pass without fewer defects
   int straightenings = 0;       ///< further solves of a valid map in which lengths give way to directions
   double stretching = 1.0 / 3;  ///< what stretches a wanted quad in them, against what turns its edges; in (0, 1]
   SolverChoice solver{};
