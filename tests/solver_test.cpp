@@ -203,7 +203,7 @@ TEST_CASE("solver: multigrid keeps its levels in double where floats cannot hold
   for (const auto& [pull, levels] :
        {std::pair{1e-4, "multigrid, 3 levels"}, {1e-12, "multigrid, 3 levels in double"}}) {
     const Index side = 100;
-    const RowTerm rows{"grid", [side, pull = pull](EmitRow<double> emit) {
+    const RowTerm rows{"grid", [pull = pull](EmitRow<double> emit) {
                          detail::LawNumbers<double> numbers(3);
                          const std::array<double, 2> difference{1, -1};
                          for (Index f = 0; f < side * side; ++f) {
