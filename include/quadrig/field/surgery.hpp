@@ -119,6 +119,10 @@ class FieldSurgery {
   Index split_extremes(double spread) {
     Index split = 0;
     ScaleEnergy energy(mesh_, factory_);
+    // Each is a few solves to place; so many are noise, wherever they go.
+    constexpr Index most = 50;
+    Index extreme = 0;
+    for (Index v = 0; v < mesh_.vertex_count(); ++v) extreme += interior(v) && index(v) > 1;
     for (Index v = 0; v < mesh_.vertex_count(); ++v) {
       if (mesh_.outgoing(v) == no_index) continue;
       if (mesh_.on_boundary(v)) {
@@ -126,7 +130,7 @@ class FieldSurgery {
         while (index(v) < -2 && supply(v, spread)) ++split;
         continue;
       }
-      if (index(v) > 1) split += scatter(v, spread, energy);
+      if (index(v) > 1 && extreme <= most) split += scatter(v, spread, energy);
       for (int guard = 0; guard < 8 && index(v) > 1; ++guard, ++split) {
         const Index h = best_step(v, [&](Index w) { return index(w); });
         if (h == no_index) break;

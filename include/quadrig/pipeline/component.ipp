@@ -157,11 +157,12 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
     finish(std::move(found));
     return std::move(result);
   };
+  WorkLeft left;
   int flat = 0;  // valid maps whose quads would lie flat in space: another field seldom helps
   static constexpr int max_operations = 3;
   for (const Attempt& attempt : attempts) {
     if (context.cancelled()) return cancelled_error("remesh");
-    if (flat > 3 || (best && ++poor > 1)) break;
+    if (flat > 3 || left.integers <= 0 || (best && ++poor > 1)) break;
     const auto leave = [&](const std::string& reason) {
       result.report.reasons.push_back("smoothing over " + std::to_string(attempt.smoothing).substr(0, 3) +
                                       " quads: " + reason);
@@ -281,7 +282,7 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
       bool pinned = false;
       const std::vector<Aligned> aligned = alignment(mesh, connection, cut, frames, crease, pinned);
       const TargetEdges target = target_edges(mesh, connection, cut, frames.u, frames.v);
-      const MapInput input{mesh, connection, cut, index, aligned, target, quads, surface, onto};
+      const MapInput input{mesh, connection, cut, index, aligned, target, quads, surface, onto, left};
       std::vector<Index> trouble;
       Expected<MapOutput> mapped =
           pinned ? map_stage<double>(input, options, result.seconds, result.backends, trouble, context)
@@ -307,7 +308,7 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
       if (best) break;
       flat += trouble.empty();
       // Where many triangles are in trouble and fewer pairs do not help, no single pair will.
-      const bool hopeless = trouble.size() > 30 && trouble.size() >= troubled;
+      const bool hopeless = trouble.size() > 300 || (trouble.size() > 30 && trouble.size() >= troubled);
       troubled = trouble.size();
       if (trouble.empty() || hopeless || !surgery.cancel_near(trouble)) break;
       surgery.split_extremes(0.75 * edge);

@@ -50,6 +50,13 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
   if (const auto solver = options.solver.factory<double>()(); !solver) return solver.error();
   const TriangleMesh<double>& mesh = asset.mesh;
   if (mesh.face_count() == 0) return Error{ErrorCode::bad_input, "the mesh has no faces", "mesh", "give a surface"};
+  // A map of so many quads takes as long as that of a surface so fine, and such triangles have no more to say.
+  if (const std::int64_t most = std::max<std::int64_t>(100'000, 100 * std::int64_t{mesh.face_count()});
+      options.quads > most)
+    return Error{
+        ErrorCode::bad_option,
+        std::to_string(options.quads) + " are too many for " + std::to_string(mesh.face_count()) + " triangles",
+        "quads", "give at most " + std::to_string(most) + " and subdivide the quads"};
   if (options.preset == FieldPreset::thesis && !asset.rig)
     return Error{ErrorCode::bad_option, "the thesis preset needs a rig", "preset", "give a rig, or use static"};
 
