@@ -16,10 +16,11 @@ namespace quadrig {
 /// flattens the surface to them. Factorizes one Laplacian at its first use.
 class ScaleEnergy {
  public:
-  explicit ScaleEnergy(const TriangleMesh<double>& mesh, SolverFactory<double> factory = solver_factory<double>())
-      : mesh_(mesh), factory_(std::move(factory)) {}
+  explicit ScaleEnergy(const TriangleMesh<double>& mesh, SolverFactory<double> factory = solver_factory<double>(),
+                       const Context& context = {})
+      : mesh_(mesh), factory_(std::move(factory)), context_(context.quiet(context.threads)) {}
 
-  /// \param index4 of every vertex. Infinity where the solve fails.
+  /// \param index4 of every vertex. Infinity where the solve fails, or is cancelled.
   [[nodiscard]] double operator()(const std::vector<Index>& index4) {
     if (!ready_ && !prepare()) return std::numeric_limits<double>::infinity();
     std::vector<double> load = curvature_;
@@ -62,7 +63,7 @@ class ScaleEnergy {
                               }
                             }};
     Expected<AnySolver<double>> solver = factory_();
-    if (!solver || !form_->assemble(laplacian).ok()) return failed();
+    if (!solver || !form_->assemble(context_, laplacian).ok()) return failed();
     solver_.emplace(std::move(*solver));
     return solver_->prepare(form_->matrix(), form_->pattern_version(), context_).ok() || failed();
   }
@@ -115,15 +116,16 @@ class FieldSurgery {
 
   /// Splits vertices whose valence would be below 3 or above 7 by units to or from other vertices, about `spread`
   /// away and all around where there is room for that, else next to it. A corner of the border too sharp for a quad
-  /// gives a unit to a wide corner near, or inside. Returns how many units went.
-  Index split_extremes(double spread) {
+  /// gives a unit to a wide corner near, or inside. Returns how many units went; fewer once cancelled.
+  Index split_extremes(double spread, const Context& context = {}) {
     Index split = 0;
-    ScaleEnergy energy(mesh_, factory_);
+    ScaleEnergy energy(mesh_, factory_, context);
     // Each is a few solves to place; so many are noise, wherever they go.
     constexpr Index most = 50;
     Index extreme = 0;
     for (Index v = 0; v < mesh_.vertex_count(); ++v) extreme += interior(v) && index(v) > 1;
     for (Index v = 0; v < mesh_.vertex_count(); ++v) {
+      if (v % 1024 == 0 && context.cancelled()) break;
       if (mesh_.outgoing(v) == no_index) continue;
       if (mesh_.on_boundary(v)) {
         while (index(v) > 1 && relieve(v, spread)) ++split;
@@ -244,7 +246,7 @@ class FieldSurgery {
                          for (Index f = 0; f < m; ++f)
                            emit({std::span(&f, 1), std::span(&one, 1), -turned_[at(f)], asked(f)});
                        }};
-    if (Status status = form.assemble(turn); !status.ok()) return status;
+    if (Status status = form.assemble(context, turn); !status.ok()) return status;
     Expected<AnySolver<double>> solver = factory_();
     if (!solver) return solver.error();
     if (Status status = solver->prepare(form.matrix(), form.pattern_version(), context); !status.ok()) return status;

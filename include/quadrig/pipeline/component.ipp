@@ -86,11 +86,12 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
   const RemeshOptions& options = shared.options;
   Context context = outer;
   context.warnings.clear();
+  if (context.cancelled()) return cancelled_error("remesh");
   ComponentResult result;
   result.report.faces = static_cast<Index>(faces.size());
   result.report.asked = quads;
 
-  const Piece original = make_piece(shared.asset, faces);
+  const Piece original = make_piece(shared.asset, faces, context);
   if (context.cancelled()) return cancelled_error("remesh");
   const double area = original.asset.mesh.total_area();
   const double edge = std::sqrt(area / quads);
@@ -233,7 +234,7 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
     std::vector<char> held(at(mesh.face_count()), 0);
     for (Index h = 0; h < mesh.halfedge_count(); ++h)
       if (mesh.twin(h) == no_index || (crease < 3.14 && dihedral_angle(mesh, h) > crease)) held[at(h / 3)] = 1;
-    surgery.split_extremes(0.75 * edge);
+    surgery.split_extremes(0.75 * edge, context);
     if (context.cancelled()) return cancelled_error("remesh");
     // Farther ones shape limbs, and go only where each singularity would have few quads to itself.
     surgery.cancel_pairs(0.75 * edge, 2 * edge, quads / 20);
@@ -274,6 +275,7 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
           break;
         }
       }
+      if (context.cancelled()) return cancelled_error("remesh");
       std::vector<std::int8_t> rotation(at(mesh.halfedge_count()));
       for (std::size_t h = 0; h < rotation.size(); ++h)
         rotation[h] = static_cast<std::int8_t>(field->matching.r[h] & 3);
@@ -281,7 +283,9 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
       if (context.cancelled()) return cancelled_error("remesh");
       bool pinned = false;
       const std::vector<Aligned> aligned = alignment(mesh, connection, cut, frames, crease, pinned);
+      if (context.cancelled()) return cancelled_error("remesh");
       const TargetEdges target = target_edges(mesh, connection, cut, frames.u, frames.v);
+      if (context.cancelled()) return cancelled_error("remesh");
       const MapInput input{mesh, connection, cut, index, aligned, target, quads, surface, onto, left};
       std::vector<Index> trouble;
       Expected<MapOutput> mapped =
@@ -311,7 +315,7 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
       const bool hopeless = trouble.size() > 300 || (trouble.size() > 30 && trouble.size() >= troubled);
       troubled = trouble.size();
       if (trouble.empty() || hopeless || !surgery.cancel_near(trouble)) break;
-      surgery.split_extremes(0.75 * edge);
+      surgery.split_extremes(0.75 * edge, context);
     }
   }
 

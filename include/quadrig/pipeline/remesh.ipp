@@ -75,7 +75,10 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
   if (asset.rig) {
     Expected<Dominance> dominance = Dominance::create(mesh, *asset.rig);
     if (!dominance) return dominance.error();
-    for (Index f = 0; f < mesh.face_count(); ++f) omega1.push_back(dominance->omega(f, 1));
+    for (Index f = 0; f < mesh.face_count(); ++f) {
+      if (f % 4096 == 0 && context.cancelled()) return cancelled_error("remesh");
+      omega1.push_back(dominance->omega(f, 1));
+    }
   }
   if (stop()) return cancelled_error("remesh");
   const bool posed = sizing.density == DensitySource::posed || options.directions.posed > 0;
@@ -123,7 +126,7 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
   if (stop()) return cancelled_error("remesh");
   const bool sized = sizing.density != DensitySource::field;
   if (sized && sizing.density != DensitySource::uniform)
-    sizes.density = graded_density(mesh, sizes.density, options.quads, sizing.gradation);
+    sizes.density = graded_density(mesh, sizes.density, options.quads, sizing.gradation, context);
   if (stop()) return cancelled_error("remesh");
   result.report.seconds.metric = watch.seconds();
 
@@ -133,6 +136,7 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
   std::vector<double> share(at(components.count), 0.0);
   double whole = 0;
   for (Index f = 0; f < mesh.face_count(); ++f) {
+    if (f % 4096 == 0 && stop()) return cancelled_error("remesh");
     const auto c = at(components.of_face[at(f)]);
     faces[c].push_back(f);
     share[c] += mesh.area(f) * (sized ? sizes.density[at(f)] : 1.0);

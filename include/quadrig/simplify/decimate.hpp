@@ -84,8 +84,8 @@ class Decimator {
   using Face = std::array<Index, 3>;
 
   /// `width` is how wide a strip of surface an edge of the boundary or of a crease stands for: about the edge length
-  /// that is wanted.
-  Decimator(const TriangleMesh<double>& mesh, double uniformity, double width) {
+  /// that is wanted. Once cancelled it is not fit for use.
+  Decimator(const TriangleMesh<double>& mesh, double uniformity, double width, const Context& context) {
     const auto n = static_cast<std::size_t>(mesh.vertex_count());
     const auto m = static_cast<std::size_t>(mesh.face_count());
     const Vector3 center =
@@ -107,6 +107,7 @@ class Decimator {
       around_[v].reserve(valence[v]);
     }
     for (Index f = 0; f < mesh.face_count(); ++f) {
+      if (f % 4096 == 0 && context.cancelled()) return;
       const Vector3 normal = mesh.normal(f);
       for (int i = 0; i < 3; ++i) {
         const Index v = mesh.faces()(f, i);
@@ -141,6 +142,7 @@ class Decimator {
   /// Collapses edges, cheapest first, until at most `wanted` faces are left or none may be collapsed any more. Shapes
   /// are held to a high standard as long as that costs little, to less where the surface would suffer for it.
   [[nodiscard]] Status reduce(Index wanted, Context& context) {
+    if (context.cancelled()) return cancelled_error("simplify");
     constexpr Rule rules[] = {{0.5, 0.6}, {0.3, 0.4}, {0.1, 0.3}, {0.02, 0.2}, {1e-4, 0.1}};
     constexpr double costs[] = {2, 16, 128, std::numeric_limits<double>::infinity()};
     for (std::size_t c = 0; c < std::size(costs); ++c)
