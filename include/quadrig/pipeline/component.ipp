@@ -239,6 +239,12 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
     // Farther ones shape limbs, and go only where each singularity would have few quads to itself.
     surgery.cancel_pairs(0.75 * edge, 2 * edge, quads / 20);
     if (context.cancelled()) return cancelled_error("remesh");
+    // Nobody asked for these directions: what does not even out sizes goes.
+    const DirectionOptions& asked = options.directions;
+    if (field->report.preset == FieldPreset::flat && !asked.bones && !asked.curvature && !(asked.posed > 0) &&
+        !(crease < 3.14) && shared.sizing.density == DensitySource::uniform)
+      surgery.cancel_needless(std::min(4 * edge, 0.07 * std::sqrt(area)), context);
+    if (context.cancelled()) return cancelled_error("remesh");
 
     // The map, and where it fails the field again with the pair of singularities next to the failure cancelled.
     std::size_t troubled = std::numeric_limits<std::size_t>::max();
