@@ -295,6 +295,7 @@ TEST_CASE("remesh: bad options are refused by name", "[pipeline]") {
     CHECK(result.error().where.find(field) != std::string::npos);
   };
   refused([](RemeshOptions& o) { o.quads = 0; }, "quads");
+  refused([](RemeshOptions& o) { o.quads = 1'000'000; }, "quads");
   refused([](RemeshOptions& o) { o.influences = 0; }, "influences");
   refused([](RemeshOptions& o) { o.count_tolerance = 0; }, "count_tolerance");
   refused([](RemeshOptions& o) { o.bend_degrees = 180; }, "bend_degrees");

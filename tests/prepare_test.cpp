@@ -511,6 +511,11 @@ TEST_CASE("refine: nothing is done when every edge is short, and too much is ref
       coarse.mesh, [](Index) { return 1e-9; }, {}, context);
   REQUIRE_FALSE(huge.has_value());
   CHECK(huge.error().code == ErrorCode::unsupported);
+  // As many pieces as a side needs are not too many.
+  RefineOptions few;
+  few.max_faces = 100;
+  CHECK(refine(
+      coarse.mesh, [](Index) { return 0.8; }, few, context));
   const auto negative = refine(
       coarse.mesh, [](Index) { return -1.0; }, {}, context);
   REQUIRE_FALSE(negative.has_value());

@@ -184,3 +184,31 @@ TEST_CASE("quantize: an answer when cancelled", "[quantize]") {
   REQUIRE_FALSE(result);
   CHECK(result.error().code == ErrorCode::cancelled);
 }
+
+TEST_CASE("quantize: work is counted, and where it is used up there is a valid answer or an error", "[quantize]") {
+  const CoarseCase c = coarse_case(1, 0);
+  Context context;
+  constexpr std::int64_t plenty = 1'000'000'000;
+  std::int64_t left = plenty;
+  REQUIRE(quantize(c.map, c.field.index(), c.field.border(), QuantizeOptions{}, context, &left));
+  const std::int64_t needed = plenty - left;
+  CHECK(needed > 100);
+  CHECK(needed < QuantizeOptions{}.work);
+  Index answers = 0;
+  for (const std::int64_t part : {needed / 2, needed / 10, std::int64_t{1}, std::int64_t{-1}}) {
+    left = part;
+    const auto q = quantize(c.map, c.field.index(), c.field.border(), QuantizeOptions{}, context, &left);
+    CHECK(left <= 0);
+    if (!q) {
+      CHECK(q.error().code == ErrorCode::stage_failed);
+      continue;
+    }
+    ++answers;
+    for (Index f = 0; f < c.map.face_count(); ++f) {
+      CHECK(ring_zero(q->edge[at(3 * f)] + q->edge[at(3 * f + 1)] + q->edge[at(3 * f + 2)]));
+      CHECK(cross(q->edge[at(3 * f)], q->edge[at(3 * f + 1)]) > 0);
+    }
+  }
+  CHECK(answers > 0);
+  CHECK(answers < 4);
+}

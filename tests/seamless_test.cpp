@@ -364,6 +364,56 @@ TEST_CASE("seamless: every system is solved by the backend that is asked for", "
   CHECK(made == 1);
 }
 
+TEST_CASE("surgery: pairs that do not even out sizes go, and no others", "[seamless]") {
+  FieldCase c = field_case(closed_surface(1), 1, 0.12);
+  Context context;
+  ScaleEnergy energy(c.mesh);
+  const auto sum = [&] { return std::accumulate(c.index().begin(), c.index().end(), Index{0}); };
+  const Index whole = sum();
+  FieldSurgery surgery(c.mesh, c.field.frames, c.field.matching, c.field.singularities);
+  surgery.cancel_needless(0.5, context);
+  CHECK(surgery.cancel_needless(0.5, context) == 0);
+  // A pair made by hand on regular vertices side by side varies the sizes, and goes again.
+  const double before = energy(c.index());
+  const std::vector<Index> index = c.index();
+  Index h = 0;
+  while (c.index()[quadrig::detail::at(c.mesh.origin(h))] != 0 || c.index()[quadrig::detail::at(c.mesh.target(h))] != 0)
+    ++h;
+  surgery.move_unit(h);
+  CHECK(energy(c.index()) > before);
+  CHECK(surgery.cancel_needless(0.5, context) >= 1);
+  CHECK(energy(c.index()) <= before * (1 + 1e-9));
+  CHECK(sum() == whole);
+  CHECK(surgery.apply({}, context).ok());
+}
+
+TEST_CASE("untangle: without work left nothing is moved", "[seamless]") {
+  const FieldCase c = field_case(closed_surface(1), 1, 0.12);
+  auto map = seamless_case<Complex>(c);
+  REQUIRE(map.valid);
+  Index v = 0;
+  while (c.index()[quadrig::detail::at(v)] != 0) ++v;
+  Index h = c.mesh.outgoing(v);
+  const Index start = h;
+  do {
+    map.z[quadrig::detail::at(h)] += rotated(Complex(3, 1), c.cut.corner_rotation[quadrig::detail::at(h)]);
+    h = c.mesh.next_around(h);
+  } while (h != start);
+  const std::vector<Complex> tangled = map.z;
+  Context context;
+  UntangleOptions options;
+  options.most = 0;
+  const UntangleReport none =
+      untangle(c.mesh, c.cut, c.index(), c.aligned, map.target, options, map.z, context).value();
+  CHECK(none.work == 0);
+  CHECK_FALSE(none.defects.valid());
+  CHECK(map.z == tangled);
+  const UntangleReport some =
+      untangle(c.mesh, c.cut, c.index(), c.aligned, map.target, UntangleOptions{}, map.z, context).value();
+  CHECK(some.work > 0);
+  CHECK(some.defects.valid());
+}
+
 TEST_CASE("untangle: flips made by hand are undone and transitions kept", "[seamless]") {
   const FieldCase c = field_case(closed_surface(1), 1, 0.12);
   auto map = seamless_case<Complex>(c);

@@ -1,7 +1,9 @@
 #include "quadrig/simplify.hpp"
 
 #include <map>
+#include <queue>
 
+#include "quadrig/simplify/decimate.hpp"
 #include "surfaces.hpp"
 #include "test.hpp"
 
@@ -350,4 +352,34 @@ TEST_CASE("simplify: bad options and empty meshes are refused by name, and a sto
   const std::atomic<bool> stop = true;
   context.cancel_flag = &stop;
   CHECK(refusal(mesh, {}).code == ErrorCode::cancelled);
+}
+
+TEST_CASE("simplify: the queue of costs gives the least first, in the order of one heap", "[simplify][fast]") {
+  struct Item {
+    double cost;
+    int number;
+    bool operator<(const Item& other) const { return std::tie(cost, number) > std::tie(other.cost, other.number); }
+  };
+  quadrig::detail::CostQueue<Item> queue;
+  std::priority_queue<Item> heap;
+  std::uint32_t state = 7;
+  const auto random = [&] { return (state = state * 1664525u + 1013904223u) >> 8; };
+  const double special[] = {0.0, -0.0, 1.0, -1.0, 1e-300, 1e300, std::numeric_limits<double>::infinity()};
+  for (int k = 0; k < 20'000; ++k) {
+    if (random() % 3 != 0 || heap.empty()) {
+      const double cost =
+          random() % 8 == 0 ? special[random() % 7] : std::ldexp(random() - 8e6, int(random() % 80) - 40);
+      queue.push({cost, k});
+      heap.push({cost, k});
+    } else {
+      REQUIRE_FALSE(queue.empty());
+      REQUIRE(queue.pop().number == heap.top().number);
+      heap.pop();
+    }
+  }
+  for (; !heap.empty(); heap.pop()) {
+    REQUIRE_FALSE(queue.empty());
+    REQUIRE(queue.pop().number == heap.top().number);
+  }
+  CHECK(queue.empty());
 }

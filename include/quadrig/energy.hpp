@@ -276,6 +276,7 @@ class QuadraticForm {
       Index number;
     };
     std::vector<Product> by_column(products);
+    if (cancelled(0)) return {};
     {
       std::vector<std::size_t> next(starts.begin(), starts.end() - (n > 0 ? 1 : 0));
       Index number = 0;
@@ -285,6 +286,7 @@ class QuadraticForm {
     }
     if (cancelled(0)) return {};
     places_.resize(products);
+    if (cancelled(0)) return {};
     matrix_.size = free_unknowns;
     matrix_.column_starts.assign(1, 0);
     matrix_.column_starts.reserve(n + 1);

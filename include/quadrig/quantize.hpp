@@ -9,6 +9,8 @@ struct QuantizeOptions {
   double target_quads = 2000;
   double tolerance = 0.05;  ///< of the count
   int rounds = 9;           ///< rescalings towards the count; the closest is kept
+  /// Nodes that may be searched, over all rounds: about a quarter of a second a million. Then the best so far is taken.
+  std::int64_t work = 16'000'000;
 };
 
 /// Integer edge vectors on a coarse map: opposite-consistent, closed over every triangle, positively oriented.
@@ -21,11 +23,12 @@ struct Quantization {
 };
 
 /// Quantizes a coarse map at the size that gives `target_quads`.
-/// \fails stage_failed where no start is valid at any size tried.
+/// \param work where not null: what may be searched in place of `options.work`; what was is taken off
+/// \fails stage_failed where no start is valid at any size tried, or none was found within that work; cancelled.
 /// \cost a Dijkstra search a row moved, on the coarse map only.
 [[nodiscard]] inline Expected<Quantization> quantize(const CoarseMap& map, const std::vector<Index>& index,
                                                      const std::vector<char>& on_border, const QuantizeOptions& options,
-                                                     Context& context) {
+                                                     Context& context, std::int64_t* work = nullptr) {
   double map_area = 0;
   for (Index f = 0; f < map.face_count(); ++f)
     map_area += cross(map.vector[detail::at(3 * f)], map.vector[detail::at(3 * f + 1)]) / 2;
@@ -37,8 +40,14 @@ struct Quantization {
   std::pair<double, double> best_rank;
   double below = 0, above = 0;  // scales that gave too few and too many
   int waited = 0;
+  std::int64_t left = work ? *work : options.work;
+  const auto spend = [&](std::int64_t effort) {
+    left -= effort;
+    if (work) *work = left;
+  };
   for (int round = 0; round < options.rounds && waited < 4; ++round) {
-    detail::Quantizer quantizer(map, index, on_border, rings, scale);
+    if (best && left <= 0) break;
+    detail::Quantizer quantizer(map, index, on_border, rings, scale, left);
     double sigma = 1;
     bool valid = false;
     // Other sizes near round otherwise; from one far off the rows that are taken again seldom lead back to rings.
@@ -47,17 +56,23 @@ struct Quantization {
       if (context.cancelled()) return cancelled_error("quantization");
       if (k > 0 && k < near.size() && quantizer.work() > 1'000'000) continue;  // each search is long: far off at once
       sigma = k < near.size() ? near[k] : sigma * 1.4142135623730951;
-      valid = quantizer.start(sigma) && quantizer.repair();
+      if (quantizer.effort() > left) break;
+      valid = quantizer.start(sigma, context) && quantizer.repair(context);
     }
-
+    if (context.cancelled()) return cancelled_error("quantization");
     if (!valid) {
+      spend(quantizer.effort());
       if (best) break;
+      if (left <= 0)
+        return Error{ErrorCode::stage_failed, "the search for integers takes too long", "quantization",
+                     "ask for more quads, or give a surface with fewer holes and corners"};
       return Error{ErrorCode::stage_failed, "no valid integers found at any size", "quantization",
                    "ask for more quads"};
     }
     Quantization result;
     result.moves = quantizer.descend(context);
     result.moves += quantizer.close_rings(context);
+    spend(quantizer.effort());
     result.quads = quantizer.quads();
     result.start_scale = sigma;
     const double quads = result.quads, miss = std::abs(quads / options.target_quads - 1);
@@ -80,8 +95,12 @@ struct Quantization {
     scale *= std::sqrt(options.target_quads / quads);
     if (low > 0 && !(scale > 1.001 * low && 1.001 * scale < high)) scale = std::sqrt(low * high);
   }
-  if (std::abs(best->quads / options.target_quads - 1) > options.tolerance / 2)
+  if (std::abs(best->quads / options.target_quads - 1) > options.tolerance / 2 && left > 0) {
+    const std::int64_t before = kept->effort();
+    kept->allow(before + left);
     best->moves += kept->steer(options.target_quads, options.tolerance / 2, context);
+    spend(kept->effort() - before);
+  }
   best->edge = kept->edges();
   best->quads = kept->quads();
   best->energy = kept->energy();

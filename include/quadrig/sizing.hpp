@@ -79,6 +79,7 @@ struct SizeField {
   if (!squares) {
     double total_area = 0;
     for (Index f = 0; f < mesh.face_count(); ++f) {
+      if (f % 1024 == 0 && context.cancelled()) return cancelled_error("sizes");
       const Index p = parent[static_cast<std::size_t>(f)];
       const auto at = static_cast<std::size_t>(f);
       const Complex u = parent_connection.to_complex(p, connection.to_vector(f, frames.u[at]));
@@ -95,6 +96,7 @@ struct SizeField {
     floor *= floor;
   }
   for (Index f = 0; f < mesh.face_count(); ++f) {
+    if (f % 1024 == 0 && context.cancelled()) return cancelled_error("sizes");
     const auto at = static_cast<std::size_t>(f);
     const double density = mean * sizes.density[static_cast<std::size_t>(parent[at])];
     double aspect = 1;  // |long along u| : E(ρ) = (S_u ρ² + S_v / ρ²) / 64 + const
@@ -107,6 +109,7 @@ struct SizeField {
   const double edge = 1 / std::sqrt(mean);
   Expected<DensityTargets> smooth = smooth_log_densities(mesh, matching, wanted, edge, context, factory);
   if (!smooth) return smooth.error();
+  if (context.cancelled()) return cancelled_error("sizes");
   apply_densities(frames, *smooth, 0, std::numeric_limits<double>::infinity());
   return {};
 }

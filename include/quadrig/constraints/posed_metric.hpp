@@ -120,9 +120,9 @@ struct PosedMetricOptions {
                                                double limit = 0.3);
 
 /// The same for a relative density at `count` quads on the whole surface: returns relative densities with mean 1 whose
-/// sizes √A are graded. \pre density > 0, count > 0. \cost a few Dijkstra runs
+/// sizes √A are graded; of no use once cancelled. \pre density > 0, count > 0. \cost a few Dijkstra runs
 [[nodiscard]] std::vector<double> graded_density(const TriangleMesh<double>& mesh, const std::vector<double>& density,
-                                                 double count, double limit = 0.3);
+                                                 double count, double limit = 0.3, const Context& context = {});
 
 }  // namespace quadrig
 

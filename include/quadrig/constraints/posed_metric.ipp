@@ -341,16 +341,19 @@ QUADRIG_INLINE Expected<PosedForms> PosedForms::create(const TriangleMesh<double
     for (const Moved& m : list) ++result.first_[static_cast<std::size_t>(m.face) + 1];
   for (std::size_t f = 1; f < result.first_.size(); ++f) result.first_[f] += result.first_[f - 1];
   if (context.cancelled()) return cancelled_error("posed curvature");
-  result.forms_.resize(result.first_.back());
-  if (context.cancelled()) return cancelled_error("posed curvature");
+  result.forms_.reserve(result.first_.back());
+  while (result.forms_.size() < result.first_.back()) {  // so much memory is not had at once
+    if (context.cancelled()) return cancelled_error("posed curvature");
+    result.forms_.resize(std::min(result.first_.back(), result.forms_.size() + 262'144));
+  }
   std::vector<std::size_t> next(result.first_.begin(), result.first_.end() - 1);
   for (std::size_t f = 0; f < next.size(); ++f) {
     result.forms_[next[f]] = rest[f];
     ++next[f];
   }
-  for (const auto& list : moved) {
+  for (auto& list : moved) {
     if (context.cancelled()) return cancelled_error("posed curvature");
-    for (const Moved& m : list) {
+    for (const Moved& m : std::exchange(list, {})) {
       result.forms_[next[static_cast<std::size_t>(m.face)]++] = m.form;
       result.forms_[result.first_[static_cast<std::size_t>(m.face)]].weight -= m.form.weight;
     }
@@ -542,12 +545,13 @@ QUADRIG_INLINE std::vector<double> graded_sizes(const TriangleMesh<double>& mesh
 }
 
 QUADRIG_INLINE std::vector<double> graded_density(const TriangleMesh<double>& mesh, const std::vector<double>& density,
-                                                  double count, double limit) {
+                                                  double count, double limit, const Context& context) {
   const double area = mesh.total_area();
   std::vector<double> sizes(density.size()), graded;
   double factor = 1;
   // Grading only makes quads smaller, and smaller quads are graded more: a few rounds settle the count.
   for (int round = 0; round < 12; ++round) {
+    if (round > 0 && context.cancelled()) break;
     for (std::size_t f = 0; f < density.size(); ++f) sizes[f] = factor * std::sqrt(area / (count * density[f]));
     graded = graded_sizes(mesh, sizes, limit);
     double quads = 0;

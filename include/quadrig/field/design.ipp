@@ -134,15 +134,20 @@ void describe_bones(const FieldProblem<Scalar>& problem, const PolyVectorField& 
 
 template <class Scalar>
 Expected<FieldResult> finish_field(const FieldProblem<Scalar>& problem, PolyVectorField polynomial,
-                                   const BasicFieldOptions<Scalar>& options, FieldReport report) {
+                                   const BasicFieldOptions<Scalar>& options, FieldReport report,
+                                   const Context& context) {
   FieldResult result;
   describe_polynomial(polynomial, report);
+  if (context.cancelled()) return cancelled_error("field");
   describe_bones(problem, polynomial, report);
+  if (context.cancelled()) return cancelled_error("field");
   Roots found = roots(polynomial, options.limits);
   report.bounded_frames = found.bounded;
   result.frames = std::move(found.frames);
   result.polynomial = std::move(polynomial);
+  if (context.cancelled()) return cancelled_error("field");
   result.matching = match(*problem.mesh, *problem.connection, result.frames);
+  if (context.cancelled()) return cancelled_error("field");
   auto counted = singularities(*problem.mesh, result.matching);
   if (!counted) return counted.error();
   result.singularities = std::move(*counted);
@@ -204,7 +209,7 @@ Expected<FieldResult> design_thesis_field(const FieldProblem<Scalar>& problem, c
                         energy_of<Complex>(Alignment<>(targets.x1, targets.weight), x1);
   report.energy_smooth = smoothness_energy(problem, 4, smoothness, x0) + smoothness_energy(problem, 2, smoothness, x1);
   report.energy_orth = energy_of<Complex>(Orthogonality<>(orthogonality), x1);
-  return finish_field(problem, std::move(polynomial), options, std::move(report));
+  return finish_field(problem, std::move(polynomial), options, std::move(report), context);
 }
 
 struct ComponentScales {
@@ -374,6 +379,7 @@ Expected<FieldResult> design_smooth_field(const FieldProblem<Scalar>& problem, c
     add_targets(targets, *curved, curvature_weight);
   }
   if (options.targets) add_targets(targets, *options.targets, 1);
+  if (context.cancelled()) return cancelled_error("field");
 
   // Given directions first, then borders, then creases: a face keeps the first it gets.
   std::vector<char> held(m, 0);
@@ -404,6 +410,7 @@ Expected<FieldResult> design_smooth_field(const FieldProblem<Scalar>& problem, c
   }
   report.fixed_faces = static_cast<Index>(fixed0.size());
 
+  if (context.cancelled()) return cancelled_error("field");
   // Energies are shares: divided by each component's area, lengths are fractions of its size.
   std::vector<double> pull(scales.area.size(), 0.0), align(m), orthogonality(m);
   const bool skewed =
@@ -463,7 +470,7 @@ Expected<FieldResult> design_smooth_field(const FieldProblem<Scalar>& problem, c
   report.solve = solver->report();
 
   const double length = report.smoothing_length;
-  auto result = finish_field(problem, std::move(polynomial), options, std::move(report));
+  auto result = finish_field(problem, std::move(polynomial), options, std::move(report), context);
   if (!result) return result;
   for (const double weight : targets.weight) result->pull.push_back(std::min(weight, 1.0));
   const std::vector<double> zero(m, 0.0);
@@ -503,6 +510,7 @@ Expected<FieldResult> design_field(const TriangleMesh<Scalar>& mesh, const Rig* 
     if (!dominance) return dominance.error();
     problem.dominance = std::move(*dominance);
     problem.skeleton = &rig->skeleton;
+    if (context.cancelled()) return cancelled_error("field");
     report.bones = rig->skeleton.bone_count();
   } else if (options.preset == FieldPreset::thesis) {
     return Error{ErrorCode::bad_option, "the thesis preset needs a rig", "field, preset", "use default or static"};

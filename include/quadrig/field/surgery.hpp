@@ -6,79 +6,10 @@
 #include <span>
 #include <unordered_map>
 
-#include "quadrig/energy.hpp"
 #include "quadrig/field/matching.hpp"
-#include "quadrig/solver.hpp"
+#include "quadrig/field/scale_energy.hpp"
 
 namespace quadrig {
-
-/// How much the size of quads has to vary for the cones of a field: the Dirichlet energy of the conformal factor that
-/// flattens the surface to them. Factorizes one Laplacian at its first use.
-class ScaleEnergy {
- public:
-  explicit ScaleEnergy(const TriangleMesh<double>& mesh, SolverFactory<double> factory = solver_factory<double>())
-      : mesh_(mesh), factory_(std::move(factory)) {}
-
-  /// \param index4 of every vertex. Infinity where the solve fails.
-  [[nodiscard]] double operator()(const std::vector<Index>& index4) {
-    if (!ready_ && !prepare()) return std::numeric_limits<double>::infinity();
-    std::vector<double> load = curvature_;
-    double sum = 0;
-    Index used = 0;
-    for (std::size_t v = 0; v < load.size(); ++v) {
-      if (mesh_.outgoing(static_cast<Index>(v)) == no_index) continue;
-      load[v] -= index4[v] * std::numbers::pi / 2;
-      sum += load[v];
-      ++used;
-    }
-    for (double& l : load) l -= sum / used;  // rounding, and borders whose field is not aligned
-    std::vector<double> free_load(static_cast<std::size_t>(form_->free_count())), factor(free_load.size());
-    for (std::size_t v = 1, k = 0; v < load.size(); ++v) free_load[k++] = load[v];
-    if (SolveInfo info = solver_->solve(free_load, factor, context_); !info.status.ok())
-      return std::numeric_limits<double>::infinity();
-    double energy = 0;
-    for (std::size_t k = 0; k < factor.size(); ++k) energy += free_load[k] * factor[k];
-    return energy;
-  }
-
- private:
-  bool prepare() {
-    ready_ = true;
-    const auto n = static_cast<std::size_t>(mesh_.vertex_count());
-    curvature_.assign(n, 0.0);
-    form_.emplace(mesh_.vertex_count());
-    form_->fix(0, 0.0);
-    for (Index v = 0; v < mesh_.vertex_count(); ++v)
-      if (mesh_.outgoing(v) != no_index)
-        curvature_[static_cast<std::size_t>(v)] = (mesh_.on_boundary(v) ? 1 : 2) * std::numbers::pi;
-    for (Index h = 0; h < mesh_.halfedge_count(); ++h)
-      curvature_[static_cast<std::size_t>(mesh_.origin(h))] -= mesh_.corner_angle(h);
-    const RowTerm laplacian{"laplacian", [&](EmitRow<double> emit) {
-                              for (Index h = 0; h < mesh_.halfedge_count(); ++h) {
-                                const double opposite = mesh_.corner_angle(mesh_.prev(h));
-                                const std::array<Index, 2> where{mesh_.origin(h), mesh_.target(h)};
-                                const std::array<double, 2> factor{1, -1};
-                                emit({where, factor, 0, std::clamp(0.5 / std::tan(opposite), 1e-3, 1e3)});
-                              }
-                            }};
-    Expected<AnySolver<double>> solver = factory_();
-    if (!solver || !form_->assemble(laplacian).ok()) return failed();
-    solver_.emplace(std::move(*solver));
-    return solver_->prepare(form_->matrix(), form_->pattern_version(), context_).ok() || failed();
-  }
-  bool failed() {
-    ready_ = false;
-    return false;
-  }
-
-  const TriangleMesh<double>& mesh_;
-  SolverFactory<double> factory_;
-  std::vector<double> curvature_;
-  std::optional<QuadraticForm<double>> form_;
-  std::optional<AnySolver<double>> solver_;
-  Context context_;
-  bool ready_ = false;
-};
 
 /// Changes a field's singularities where the map cannot take them. Paths of half-edges are gathered, then `apply`
 /// turns the frames; the matching is updated and never rounded again.
@@ -115,18 +46,23 @@ class FieldSurgery {
 
   /// Splits vertices whose valence would be below 3 or above 7 by units to or from other vertices, about `spread`
   /// away and all around where there is room for that, else next to it. A corner of the border too sharp for a quad
-  /// gives a unit to a wide corner near, or inside. Returns how many units went.
-  Index split_extremes(double spread) {
+  /// gives a unit to a wide corner near, or inside. Returns how many units went; fewer once cancelled.
+  Index split_extremes(double spread, const Context& context = {}) {
     Index split = 0;
-    ScaleEnergy energy(mesh_, factory_);
+    ScaleEnergy energy(mesh_, factory_, context);
+    // Each is a few solves to place; so many are noise, wherever they go.
+    constexpr Index most = 50;
+    Index extreme = 0;
+    for (Index v = 0; v < mesh_.vertex_count(); ++v) extreme += interior(v) && index(v) > 1;
     for (Index v = 0; v < mesh_.vertex_count(); ++v) {
+      if (v % 1024 == 0 && context.cancelled()) break;
       if (mesh_.outgoing(v) == no_index) continue;
       if (mesh_.on_boundary(v)) {
         while (index(v) > 1 && relieve(v, spread)) ++split;
         while (index(v) < -2 && supply(v, spread)) ++split;
         continue;
       }
-      if (index(v) > 1) split += scatter(v, spread, energy);
+      if (index(v) > 1 && extreme <= most) split += scatter(v, spread, energy);
       for (int guard = 0; guard < 8 && index(v) > 1; ++guard, ++split) {
         const Index h = best_step(v, [&](Index w) { return index(w); });
         if (h == no_index) break;
@@ -169,6 +105,73 @@ class FieldSurgery {
       singular -= (index(pair.plus) == 0) + (index(pair.minus) == 0);
     }
     return cancelled;
+  }
+
+  /// Cancels pairs of opposite sign within `reach` of each other, a length, as long as the size of quads has to vary
+  /// less without them, the pair that saves most first. What they shape is lost: for fields that nobody asked for.
+  /// Returns how many pairs went. \cost a solve a singularity of such a pair, for the closest of them
+  Index cancel_needless(double reach, const Context& context) {
+    constexpr std::int64_t most_work = 1'000'000;  // solves times vertices
+    struct Pair {
+      double length;
+      Index plus, minus;
+    };
+    std::vector<Pair> pairs;
+    for (Index v = 0; v < mesh_.vertex_count(); ++v)
+      if (interior(v) && index(v) > 0)
+        search({v}, reach, [&](Index w, double d) {
+          if (interior(w) && index(w) < 0) pairs.push_back({d, v, w});
+          return false;
+        });
+    std::sort(pairs.begin(), pairs.end(), [](const Pair& a, const Pair& b) {
+      return std::tie(a.length, a.plus, a.minus) < std::tie(b.length, b.plus, b.minus);
+    });
+    // E = ρᵀ G ρ: a cancelled pair adds a dipole to the load ρ, and all that takes is G between singularities.
+    std::vector<Index> ends;
+    const auto number = [&](Index v) {
+      return static_cast<std::size_t>(std::find(ends.begin(), ends.end(), v) - ends.begin());
+    };
+    std::size_t kept = 0;
+    for (; kept < pairs.size(); ++kept) {
+      for (const Index v : {pairs[kept].plus, pairs[kept].minus})
+        if (number(v) == ends.size()) ends.push_back(v);
+      if (static_cast<std::int64_t>(ends.size()) * mesh_.vertex_count() > most_work) break;
+    }
+    pairs.resize(kept);
+    if (pairs.empty()) return 0;
+    ScaleEnergy energy(mesh_, factory_, context);
+    const auto only_ends = [&](const std::vector<double>& whole) {
+      std::vector<double> part;
+      for (const Index v : ends) part.push_back(whole[at(v)]);
+      return part;
+    };
+    std::vector<double> load = energy.load(singularities_.index4), response;
+    if (!energy.respond(load, response)) return 0;
+    std::vector<double> at_ends = only_ends(response);
+    std::vector<std::vector<double>> between;
+    for (const Index v : ends) {
+      load.assign(load.size(), 0.0);
+      load[at(v)] = 1;
+      if (!energy.respond(load, response)) return 0;
+      between.push_back(only_ends(response));
+    }
+    constexpr double quarter = std::numbers::pi / 2;
+    for (Index cancelled = 0;; ++cancelled) {
+      double least = 0;
+      const Pair* best = nullptr;
+      for (const Pair& pair : pairs) {
+        if (!(index(pair.plus) > 0 && index(pair.minus) < 0)) continue;
+        const std::size_t p = number(pair.plus), m = number(pair.minus);
+        const double change = 2 * quarter * (at_ends[p] - at_ends[m]) +
+                              quarter * quarter * (between[p][p] + between[m][m] - between[p][m] - between[m][p]);
+        if (!(change < least)) continue;
+        least = change;
+        best = &pair;
+      }
+      if (!best || !cancel(best->plus, best->minus)) return cancelled;
+      const std::size_t p = number(best->plus), m = number(best->minus);
+      for (std::size_t k = 0; k < at_ends.size(); ++k) at_ends[k] += quarter * (between[p][k] - between[m][k]);
+    }
   }
 
   /// Cancels the closest pair of opposite sign among the singularities near some faces. False where there is none.
@@ -240,7 +243,7 @@ class FieldSurgery {
                          for (Index f = 0; f < m; ++f)
                            emit({std::span(&f, 1), std::span(&one, 1), -turned_[at(f)], asked(f)});
                        }};
-    if (Status status = form.assemble(turn); !status.ok()) return status;
+    if (Status status = form.assemble(context, turn); !status.ok()) return status;
     Expected<AnySolver<double>> solver = factory_();
     if (!solver) return solver.error();
     if (Status status = solver->prepare(form.matrix(), form.pattern_version(), context); !status.ok()) return status;

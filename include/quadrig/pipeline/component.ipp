@@ -86,11 +86,12 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
   const RemeshOptions& options = shared.options;
   Context context = outer;
   context.warnings.clear();
+  if (context.cancelled()) return cancelled_error("remesh");
   ComponentResult result;
   result.report.faces = static_cast<Index>(faces.size());
   result.report.asked = quads;
 
-  const Piece original = make_piece(shared.asset, faces);
+  const Piece original = make_piece(shared.asset, faces, context);
   if (context.cancelled()) return cancelled_error("remesh");
   const double area = original.asset.mesh.total_area();
   const double edge = std::sqrt(area / quads);
@@ -157,11 +158,12 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
     finish(std::move(found));
     return std::move(result);
   };
+  WorkLeft left;
   int flat = 0;  // valid maps whose quads would lie flat in space: another field seldom helps
   static constexpr int max_operations = 3;
   for (const Attempt& attempt : attempts) {
     if (context.cancelled()) return cancelled_error("remesh");
-    if (flat > 3 || (best && ++poor > 1)) break;
+    if (flat > 3 || left.integers <= 0 || (best && ++poor > 1)) break;
     const auto leave = [&](const std::string& reason) {
       result.report.reasons.push_back("smoothing over " + std::to_string(attempt.smoothing).substr(0, 3) +
                                       " quads: " + reason);
@@ -232,10 +234,16 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
     std::vector<char> held(at(mesh.face_count()), 0);
     for (Index h = 0; h < mesh.halfedge_count(); ++h)
       if (mesh.twin(h) == no_index || (crease < 3.14 && dihedral_angle(mesh, h) > crease)) held[at(h / 3)] = 1;
-    surgery.split_extremes(0.75 * edge);
+    surgery.split_extremes(0.75 * edge, context);
     if (context.cancelled()) return cancelled_error("remesh");
     // Farther ones shape limbs, and go only where each singularity would have few quads to itself.
     surgery.cancel_pairs(0.75 * edge, 2 * edge, quads / 20);
+    if (context.cancelled()) return cancelled_error("remesh");
+    // Nobody asked for these directions: what does not even out sizes goes.
+    const DirectionOptions& asked = options.directions;
+    if (field->report.preset == FieldPreset::flat && !asked.bones && !asked.curvature && !(asked.posed > 0) &&
+        !(crease < 3.14) && shared.sizing.density == DensitySource::uniform)
+      surgery.cancel_needless(std::min(4 * edge, 0.07 * std::sqrt(area)), context);
     if (context.cancelled()) return cancelled_error("remesh");
 
     // The map, and where it fails the field again with the pair of singularities next to the failure cancelled.
@@ -273,6 +281,7 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
           break;
         }
       }
+      if (context.cancelled()) return cancelled_error("remesh");
       std::vector<std::int8_t> rotation(at(mesh.halfedge_count()));
       for (std::size_t h = 0; h < rotation.size(); ++h)
         rotation[h] = static_cast<std::int8_t>(field->matching.r[h] & 3);
@@ -280,8 +289,10 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
       if (context.cancelled()) return cancelled_error("remesh");
       bool pinned = false;
       const std::vector<Aligned> aligned = alignment(mesh, connection, cut, frames, crease, pinned);
+      if (context.cancelled()) return cancelled_error("remesh");
       const TargetEdges target = target_edges(mesh, connection, cut, frames.u, frames.v);
-      const MapInput input{mesh, connection, cut, index, aligned, target, quads, surface, onto};
+      if (context.cancelled()) return cancelled_error("remesh");
+      const MapInput input{mesh, connection, cut, index, aligned, target, quads, surface, onto, left};
       std::vector<Index> trouble;
       Expected<MapOutput> mapped =
           pinned ? map_stage<double>(input, options, result.seconds, result.backends, trouble, context)
@@ -307,10 +318,10 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
       if (best) break;
       flat += trouble.empty();
       // Where many triangles are in trouble and fewer pairs do not help, no single pair will.
-      const bool hopeless = trouble.size() > 30 && trouble.size() >= troubled;
+      const bool hopeless = trouble.size() > 300 || (trouble.size() > 30 && trouble.size() >= troubled);
       troubled = trouble.size();
       if (trouble.empty() || hopeless || !surgery.cancel_near(trouble)) break;
-      surgery.split_extremes(0.75 * edge);
+      surgery.split_extremes(0.75 * edge, context);
     }
   }
 

@@ -16,6 +16,13 @@ inline constexpr double fine_enough = 0.3;
 /// Solves in which lengths give way to directions. Of the seamless map few: its sizes decide how many quads go where.
 inline constexpr int seamless_straightenings = 1, fine_straightenings = 3;
 
+/// What may still be spent on one component, counted so that it is the same on every machine. Several times
+/// what any surface of the corpus needs that comes out well.
+struct WorkLeft {
+  std::int64_t integers = 16'000'000;   ///< nodes searched: quantize
+  std::int64_t untangling = 2'000'000;  ///< triangles times steps: untangle
+};
+
 /// What the map of one component starts from.
 struct MapInput {
   const TriangleMesh<double>& mesh;
@@ -27,6 +34,7 @@ struct MapInput {
   double quads = 0;
   const TriangleMesh<double>& surface;                   ///< where the quads go: `mesh`, or what it stands for
   function_ref<SurfacePoint(const SurfacePoint&)> onto;  ///< from `mesh` to `surface`
+  WorkLeft& left;
 };
 
 struct MapOutput {
@@ -135,17 +143,26 @@ template <class K>
     out.reasons.push_back("seamless map at fidelity " + std::to_string(fidelity).substr(0, 4) + ": " +
                           count_of(solved->defects.flips, "flipped triangle") + ", " +
                           count_of(solved->defects.wrong_cones, "wrong cone"));
+    // Noise, not a tangle that other sizes or a few moves would undo.
+    if (defects > std::max<Index>(300, mesh.face_count() / 50)) {
+      candidates.clear();
+      break;
+    }
   }
   UntangleOptions untangling;
   untangling.solver = options.solver.factory<double>();
   // The nearest to valid first.
   std::stable_sort(candidates.begin(), candidates.end(),
                    [](const Tried& a, const Tried& b) { return a.defects < b.defects; });
-  for (std::size_t k = 0; k < candidates.size() && !valid; ++k) {
+  bool hopeless = false;
+  for (std::size_t k = 0; k < candidates.size() && !valid && !hopeless && in.left.untangling > 0; ++k) {
     target = std::move(candidates[k].target);
     z = std::move(candidates[k].z);
+    untangling.most = in.left.untangling;
     Expected<UntangleReport> untangled = untangle(mesh, in.cut, in.index, in.aligned, target, untangling, z, context);
     if (!untangled) return untangled.error();
+    in.left.untangling -= untangled->work;
+    hopeless = untangled->hopeless;
     backends.untangling = untangled->backend;
     valid = untangled->defects.valid();
   }
@@ -168,7 +185,7 @@ template <class K>
   std::optional<QuadMesh> coarse_quads;
   const CoarsePlacement place(mesh, in.cut, z, coarse);
   for (int attempt = 0; attempt < 12 && !coarse_quads; ++attempt, quantization.target_quads *= 1.5) {
-    Expected<Quantization> tried = quantize(coarse, in.index, on_border, quantization, context);
+    Expected<Quantization> tried = quantize(coarse, in.index, on_border, quantization, context, &in.left.integers);
     if (!tried) return tried.error();
     if (context.cancelled()) return cancelled_error("coarse map");
     const GridMap grid = coarse_grid_map(coarse, *tried);
@@ -214,10 +231,12 @@ template <class K>
     std::vector<Complex> fine;
     Expected<PoissonReport> solved = solve_poisson<K>(mesh, *unknowns, in.index, scaled, poisson, x, fine, context);
     if (!solved) return solved.error();
-    if (!solved->defects.valid()) {
+    if (!solved->defects.valid() && in.left.untangling > 0) {
+      untangling.most = in.left.untangling;
       Expected<UntangleReport> untangled =
           untangle(mesh, in.cut, in.index, in.aligned, scaled, untangling, fine, context);
       if (!untangled) return untangled.error();
+      in.left.untangling -= untangled->work;
       backends.untangling = untangled->backend;
       if (untangled->defects.valid()) solved->defects = {};
     }

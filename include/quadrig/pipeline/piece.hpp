@@ -16,11 +16,13 @@ struct Piece {
   std::vector<SurfacePoint> source;
 };
 
-inline Piece make_piece(const Asset& asset, std::span<const Index> faces) {
+/// Of no use once cancelled.
+inline Piece make_piece(const Asset& asset, std::span<const Index> faces, const Context& context = {}) {
   Piece piece;
   std::vector<Index> number(at(asset.mesh.vertex_count()), no_index), vertices;
   Triangles triangles(static_cast<Eigen::Index>(faces.size()), 3);
-  for (std::size_t f = 0; f < faces.size(); ++f)
+  for (std::size_t f = 0; f < faces.size(); ++f) {
+    if (f % 4096 == 0 && context.cancelled()) return piece;
     for (int i = 0; i < 3; ++i) {
       const Index v = asset.mesh.faces()(faces[f], i);
       if (number[at(v)] == no_index) {
@@ -29,12 +31,15 @@ inline Piece make_piece(const Asset& asset, std::span<const Index> faces) {
       }
       triangles(static_cast<Eigen::Index>(f), i) = number[at(v)];
     }
+  }
   Points<double> positions(static_cast<Eigen::Index>(vertices.size()), 3);
   for (std::size_t v = 0; v < vertices.size(); ++v)
     positions.row(static_cast<Eigen::Index>(v)) = asset.mesh.positions().row(vertices[v]);
+  if (context.cancelled()) return piece;
   Expected<TriangleMesh<double>> mesh = TriangleMesh<double>::create(std::move(positions), std::move(triangles));
   assert(mesh);
   piece.asset.mesh = std::move(*mesh);
+  if (context.cancelled()) return piece;
   piece.parent.assign(faces.begin(), faces.end());
   if (asset.rig) {
     piece.asset.rig =

@@ -50,6 +50,13 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
   if (const auto solver = options.solver.factory<double>()(); !solver) return solver.error();
   const TriangleMesh<double>& mesh = asset.mesh;
   if (mesh.face_count() == 0) return Error{ErrorCode::bad_input, "the mesh has no faces", "mesh", "give a surface"};
+  // A map of so many quads takes as long as that of a surface so fine, and such triangles have no more to say.
+  if (const std::int64_t most = std::max<std::int64_t>(100'000, 100 * std::int64_t{mesh.face_count()});
+      options.quads > most)
+    return Error{
+        ErrorCode::bad_option,
+        std::to_string(options.quads) + " are too many for " + std::to_string(mesh.face_count()) + " triangles",
+        "quads", "give at most " + std::to_string(most) + " and subdivide the quads"};
   if (options.preset == FieldPreset::thesis && !asset.rig)
     return Error{ErrorCode::bad_option, "the thesis preset needs a rig", "preset", "give a rig, or use static"};
 
@@ -68,7 +75,10 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
   if (asset.rig) {
     Expected<Dominance> dominance = Dominance::create(mesh, *asset.rig);
     if (!dominance) return dominance.error();
-    for (Index f = 0; f < mesh.face_count(); ++f) omega1.push_back(dominance->omega(f, 1));
+    for (Index f = 0; f < mesh.face_count(); ++f) {
+      if (f % 4096 == 0 && context.cancelled()) return cancelled_error("remesh");
+      omega1.push_back(dominance->omega(f, 1));
+    }
   }
   if (stop()) return cancelled_error("remesh");
   const bool posed = sizing.density == DensitySource::posed || options.directions.posed > 0;
@@ -116,7 +126,7 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
   if (stop()) return cancelled_error("remesh");
   const bool sized = sizing.density != DensitySource::field;
   if (sized && sizing.density != DensitySource::uniform)
-    sizes.density = graded_density(mesh, sizes.density, options.quads, sizing.gradation);
+    sizes.density = graded_density(mesh, sizes.density, options.quads, sizing.gradation, context);
   if (stop()) return cancelled_error("remesh");
   result.report.seconds.metric = watch.seconds();
 
@@ -126,6 +136,7 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
   std::vector<double> share(at(components.count), 0.0);
   double whole = 0;
   for (Index f = 0; f < mesh.face_count(); ++f) {
+    if (f % 4096 == 0 && stop()) return cancelled_error("remesh");
     const auto c = at(components.of_face[at(f)]);
     faces[c].push_back(f);
     share[c] += mesh.area(f) * (sized ? sizes.density[at(f)] : 1.0);

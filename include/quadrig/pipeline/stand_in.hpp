@@ -27,7 +27,7 @@ struct StandIn {
   if (context.cancelled()) return cancelled_error("stand-in");
   const TriangleMesh<double>& fine = *refined ? (*refined)->mesh : mesh;
   // Even triangles before all: closeness comes back when the quads are put on the surface itself.
-  Decimator decimator(fine, 1.0, std::sqrt(2 * mesh.total_area() / faces));
+  Decimator decimator(fine, 1.0, std::sqrt(2 * mesh.total_area() / faces), context);
   if (Status status = decimator.reduce(faces, context); !status) return status.error();
 
   const std::vector<SurfacePoint> sources = *refined ? (*refined)->source : vertex_points(mesh);

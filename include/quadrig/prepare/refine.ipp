@@ -15,6 +15,18 @@ QUADRIG_INLINE Expected<Refinement> refine(const TriangleMesh<double>& mesh,
       return Error{ErrorCode::bad_option, "target length is not positive", "face " + std::to_string(f),
                    "give a length above 0"};
   }
+  // Each part of a side belongs to a piece of its own: what is bound to be too many is known at once.
+  double pieces_least = 0;
+  for (Index f = 0; f < mesh.face_count(); ++f) {
+    double longest = 0;
+    for (Index h = 3 * f; h < 3 * f + 3; ++h) longest = std::max(longest, mesh.edge_vector(h).norm());
+    pieces_least += std::max(1.0, longest / target[static_cast<std::size_t>(f)]);
+  }
+  const auto too_many = [&] {
+    return Error{ErrorCode::unsupported, "refinement needs more than " + std::to_string(options.max_faces) + " faces",
+                 "refine", "ask for longer edges or raise max_faces"};
+  };
+  if (pieces_least > options.max_faces + 1.0) return too_many();
   Refinement result;
   std::vector<Vector3> positions(static_cast<std::size_t>(mesh.vertex_count()));
   result.source.resize(positions.size());
@@ -83,9 +95,7 @@ QUADRIG_INLINE Expected<Refinement> refine(const TriangleMesh<double>& mesh,
     }
     std::size_t total = m;
     for (const Index mid : middle) total += mid != no_index;
-    if (total > static_cast<std::size_t>(options.max_faces))
-      return Error{ErrorCode::unsupported, "refinement needs more than " + std::to_string(options.max_faces) + " faces",
-                   "refine", "ask for longer edges or raise max_faces"};
+    if (total > static_cast<std::size_t>(options.max_faces)) return too_many();
 
     for (std::size_t h = 0; h < 3 * m; ++h) {
       const Index across = twin[h];

@@ -8,9 +8,10 @@ namespace quadrig::detail {
 class Quantizer {
  public:
   /// \param rings of the map, which the energy asks to close: near_rings
+  /// \param most effort that may be spent; beyond it every search gives up
   Quantizer(const CoarseMap& map, const std::vector<Index>& index, const std::vector<char>& on_border,
-            const std::vector<Ring>& rings, double scale)
-      : map_(map), index_(index), on_border_(on_border), rings_(rings) {
+            const std::vector<Ring>& rings, double scale, std::int64_t most)
+      : map_(map), index_(index), on_border_(on_border), rings_(rings), most_(most) {
     const Index n = map.halfedge_count();
     wanted_.resize(at(n));
     weight_.resize(at(n));
@@ -27,7 +28,7 @@ class Quantizer {
   }
 
   /// Rounds at `sigma` times the wanted size and closes every triangle. False where that is not possible.
-  bool start(double sigma) {
+  bool start(double sigma, const Context& context) {
     for (Index h = 0; h < map_.halfedge_count(); ++h) {
       if (map_.twin[at(h)] != no_index && map_.twin[at(h)] < h) continue;
       const Complex d = sigma * wanted_[at(h)];
@@ -44,12 +45,13 @@ class Quantizer {
     }
     for (Index f = 0; f < map_.face_count(); ++f)
       while (!ring_zero(sum(f)))
-        if (!route_defect(f)) return false;
+        if (stop(context) || !route_defect(f)) return false;
     return true;
   }
 
-  /// Moves until no triangle is inverted, or none helps.
-  bool repair() {
+  /// Moves until no triangle is inverted, or none helps, or that takes too long.
+  bool repair(const Context& context) {
+    const std::int64_t enough = work_ + 2'000'000;
     for (int pass = 0; pass < 50; ++pass) {
       std::vector<Index> bad;
       for (Index f = 0; f < map_.face_count(); ++f)
@@ -59,7 +61,10 @@ class Quantizer {
       for (const Index f : bad) {
         if (area(f) > 0) continue;
         for (Index h = 3 * f; h < 3 * f + 3 && area(f) <= 0; ++h)
-          for (int a = 0; a < 4 && area(f) <= 0; ++a) improved = try_strip(h, a, Aim::repair) || improved;
+          for (int a = 0; a < 4 && area(f) <= 0; ++a) {
+            if (work_ > enough || stop(context)) return false;
+            improved = try_strip(h, a, Aim::repair) || improved;
+          }
       }
       if (!improved) return false;
     }
@@ -73,7 +78,7 @@ class Quantizer {
     for (int pass = 0; pass < 200; ++pass) {
       int accepted = 0;
       for (Index h = 0; h < map_.halfedge_count(); ++h) {
-        if (context.cancelled() || work_ > enough) return moves + accepted;
+        if (work_ > enough || stop(context)) return moves + accepted;
         for (int a = 0; a < 4; ++a)
           while (change(h, a) < -1e-12 && try_strip(h, a, Aim::energy)) ++accepted;
       }
@@ -91,7 +96,7 @@ class Quantizer {
       int accepted = 0;
       for (std::size_t ring = 0; ring < rings_.size(); ++ring)
         for (int guard = 0; guard < 4 && pitch(ring) != 0; ++guard) {
-          if (context.cancelled() || work_ > enough) return moves + accepted;
+          if (work_ > enough || stop(context)) return moves + accepted;
           if (!close_ring(ring, true) && !close_ring(ring, false)) break;
           ++accepted;
         }
@@ -111,7 +116,7 @@ class Quantizer {
       best_price_ = std::numeric_limits<double>::infinity();
       best_changes_.clear();
       for (Index h = 0; h < map_.halfedge_count(); ++h) {
-        if (context.cancelled()) return moves;
+        if (stop(context)) return moves;
         if (map_.twin[at(h)] != no_index && map_.twin[at(h)] < h) continue;
         for (int a = 0; a < 4; ++a) {
           const Gaussian w = omega_[at(h)], d = axis(a);
@@ -172,6 +177,10 @@ class Quantizer {
   }
   /// Nodes searched so far.
   [[nodiscard]] std::int64_t work() const { return work_; }
+  /// Nodes searched, and what else takes about as long as one.
+  [[nodiscard]] std::int64_t effort() const { return work_ + beside_; }
+  /// From now on up to this effort.
+  void allow(std::int64_t most) { most_ = most; }
   [[nodiscard]] const std::vector<Gaussian>& edges() const { return omega_; }
 
  private:
@@ -180,6 +189,7 @@ class Quantizer {
   /// What a strip is tried for. For the count it is only remembered where it is the best so far.
   enum class Aim : std::uint8_t { repair, energy, count };
 
+  [[nodiscard]] bool stop(const Context& context) const { return effort() > most_ || context.cancelled(); }
   [[nodiscard]] static Gaussian axis(int a) { return rotated(Gaussian{1, 0}, a); }
   [[nodiscard]] static Index next(Index h) { return h % 3 == 2 ? h - 2 : h + 1; }
   [[nodiscard]] static Index prev(Index h) { return h % 3 == 0 ? h + 2 : h - 1; }
@@ -395,6 +405,7 @@ class Quantizer {
       if (other != ring && pitch(other) == 0)
         for (std::size_t node = 0; node < toll.size(); ++node)
           toll[node] += ring_weight_[other] * std::abs(static_cast<int>(ring_effect_[other * toll.size() + node]));
+    beside_ += static_cast<std::int64_t>(toll.size() * rings_.size() / 16);
     ring_distance_.resize(at(levels * states));
     ring_from_.resize(at(levels * states));
     struct Strip {
@@ -408,7 +419,9 @@ class Quantizer {
       for (int a = 0; a < 4; ++a) {
         const Index root = 4 * step.first + a;
         if (effect[root] * sign <= 0 || forbidden(step.first, a) || map_.twin[at(step.first)] == no_index) continue;
+        if (effort() > most_) break;
         std::fill(ring_distance_.begin(), ring_distance_.end(), std::numeric_limits<double>::infinity());
+        beside_ += levels * std::int64_t{states} / 32;
         queue_ = {};
         const auto expand = [&](Index node, int level, double so_far, Index key) {
           const Index entry = node / 4;
@@ -508,6 +521,7 @@ class Quantizer {
     }
     std::sort(touched_.begin(), touched_.end());
     touched_.erase(std::unique(touched_.begin(), touched_.end()), touched_.end());
+    beside_ += static_cast<std::int64_t>(touched_.size() + rings_.size());
     const auto bad = [&] {
       return std::count_if(touched_.begin(), touched_.end(), [&](Index f) { return area(f) <= 0; });
     };
@@ -571,6 +585,7 @@ class Quantizer {
   std::vector<std::pair<Index, Gaussian>> changes_, best_changes_;
   double missing_ = 0, best_price_ = 0;
   std::int64_t work_ = 0;  // nodes searched, which bounds what a map of very many cones may cost
+  std::int64_t beside_ = 0, most_;
   using Entry = std::pair<double, Index>;
   std::priority_queue<Entry, std::vector<Entry>, std::greater<>> queue_;
 };

@@ -14,13 +14,16 @@ struct UntangleOptions {
   int rings = 48;       ///< largest neighbourhood, in edges from a defect
   /// Triangles times steps that may be spent, beside 5 for every triangle of the mesh.
   std::int64_t work = 150'000;
+  std::int64_t most = std::numeric_limits<std::int64_t>::max();  ///< and all in all
   SolverFactory<double> solver = solver_factory<double>();
 };
 
 struct UntangleReport {
   int iterations = 0;
   int rings = 0;
-  std::string backend;  ///< what solved, in words; empty where nothing was to be done
+  std::int64_t work = 0;  ///< triangles times steps
+  bool hopeless = false;  ///< given up since the more was moved, the more triangles were flipped
+  std::string backend;    ///< what solved, in words; empty where nothing was to be done
   MapDefects defects;
 };
 
@@ -47,7 +50,8 @@ class Untangler {
     UntangleReport report;
     report.defects = check_map(mesh_, index_, z_);
     const std::vector<Complex> start = z_;
-    left_ = options_.work + 5 * std::int64_t{mesh_.face_count()};
+    const std::int64_t most = std::min(options_.most, options_.work + 5 * std::int64_t{mesh_.face_count()});
+    left_ = most;
     for (int rings = 4; rings <= options_.rings && !report.defects.valid() && left_ > 0; rings *= 2) {
       if (context.cancelled()) return cancelled_error("seamless map");
       z_ = start;
@@ -58,8 +62,13 @@ class Untangler {
       report.iterations += descend(*solver, context);
       report.backend = solver->description();
       if (context.cancelled()) return cancelled_error("seamless map");
+      const Index before = report.defects.flips + report.defects.wrong_cones;
       report.defects = check_map(mesh_, index_, z_);
+      // Few defects may be more for a while; many do not come apart that way.
+      report.hopeless = before > 30 && report.defects.flips + report.defects.wrong_cones >= before;
+      if (report.hopeless) break;
     }
+    report.work = most - left_;
     if (!report.defects.valid()) z_ = start;
     return report;
   }

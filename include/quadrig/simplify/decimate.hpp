@@ -1,7 +1,8 @@
 // Edge collapse by quadric errors that keeps the simplicial complex, its boundary loops and its orientation.
 #pragma once
 
-#include <queue>
+#include <bit>
+#include <cstdint>
 #include <tuple>
 
 #include "quadrig/mesh.hpp"
@@ -40,14 +41,51 @@ class Quadric {
   return sides > 0 ? 2 * std::sqrt(3.0) * (b - a).cross(c - a).norm() / sides : 0;
 }
 
+/// A queue by `cost`, the least (by operator< of T, the greatest) first: in bins of an eighth of an octave, only the
+/// lowest kept as a heap. That one fits into a cache, where a heap of all would not.
+template <class T>
+class CostQueue {
+ public:
+  void push(const T& each) {
+    const std::size_t b = bin(each.cost);
+    bins_[b].push_back(each);
+    if (heap_[b]) std::push_heap(bins_[b].begin(), bins_[b].end());
+    lowest_ = std::min(lowest_, b);
+  }
+  [[nodiscard]] bool empty() {
+    while (lowest_ < bins_.size() && bins_[lowest_].empty()) ++lowest_;
+    return lowest_ == bins_.size();
+  }
+  /// \pre not empty()
+  T pop() {
+    std::vector<T>& least = bins_[lowest_];
+    if (!std::exchange(heap_[lowest_], char{1})) std::make_heap(least.begin(), least.end());
+    std::pop_heap(least.begin(), least.end());
+    const T each = least.back();
+    least.pop_back();
+    return each;
+  }
+
+ private:
+  /// Sign, exponent and three bits more, in the order of the numbers.
+  [[nodiscard]] static std::size_t bin(double cost) {
+    const auto bits = std::bit_cast<std::uint64_t>(cost + 0.0);  // one zero
+    return (bits >> 63 ? ~bits : bits | (std::uint64_t{1} << 63)) >> 49;
+  }
+
+  std::vector<std::vector<T>> bins_{std::size_t{1} << 15};
+  std::vector<char> heap_ = std::vector<char>(std::size_t{1} << 15, 0);
+  std::size_t lowest_ = std::size_t{1} << 15;
+};
+
 /// A triangle mesh that loses vertices; those that stay keep their numbers and places.
 class Decimator {
  public:
   using Face = std::array<Index, 3>;
 
   /// `width` is how wide a strip of surface an edge of the boundary or of a crease stands for: about the edge length
-  /// that is wanted.
-  Decimator(const TriangleMesh<double>& mesh, double uniformity, double width) {
+  /// that is wanted. Once cancelled it is not fit for use.
+  Decimator(const TriangleMesh<double>& mesh, double uniformity, double width, const Context& context) {
     const auto n = static_cast<std::size_t>(mesh.vertex_count());
     const auto m = static_cast<std::size_t>(mesh.face_count());
     const Vector3 center =
@@ -69,6 +107,7 @@ class Decimator {
       around_[v].reserve(valence[v]);
     }
     for (Index f = 0; f < mesh.face_count(); ++f) {
+      if (f % 4096 == 0 && context.cancelled()) return;
       const Vector3 normal = mesh.normal(f);
       for (int i = 0; i < 3; ++i) {
         const Index v = mesh.faces()(f, i);
@@ -103,6 +142,7 @@ class Decimator {
   /// Collapses edges, cheapest first, until at most `wanted` faces are left or none may be collapsed any more. Shapes
   /// are held to a high standard as long as that costs little, to less where the surface would suffer for it.
   [[nodiscard]] Status reduce(Index wanted, Context& context) {
+    if (context.cancelled()) return cancelled_error("simplify");
     constexpr Rule rules[] = {{0.5, 0.6}, {0.3, 0.4}, {0.1, 0.3}, {0.02, 0.2}, {1e-4, 0.1}};
     constexpr double costs[] = {2, 16, 128, std::numeric_limits<double>::infinity()};
     for (std::size_t c = 0; c < std::size(costs); ++c)
@@ -128,7 +168,7 @@ class Decimator {
     double cost;
     Index from, to;
     std::uint32_t from_stamp, to_stamp;
-    bool operator<(const Candidate& other) const {  // the queue's top is the cheapest
+    bool operator<(const Candidate& other) const {  // the cheapest is the greatest
       return std::tie(cost, from, to) > std::tie(other.cost, other.from, other.to);
     }
   };
@@ -145,15 +185,18 @@ class Decimator {
     mark_ = 1;
   }
 
-  void offer(Index from, Index to) {
+  [[nodiscard]] Candidate candidate(Index from, Index to) const {
     // What the sum of all squared distances grows by.
     const Quadric& q = quadrics_[at(from)];
-    queue_.push({q(point(to)) - q(point(from)), from, to, stamps_[at(from)], stamps_[at(to)]});
+    return {q(point(to)) - q(point(from)), from, to, stamps_[at(from)], stamps_[at(to)]};
   }
 
   /// Returns false where the caller asked to stop.
   bool sweep(const Rule& rule, Index stop, double highest_cost, Context& context) {
-    queue_ = {};
+    CostQueue<Candidate> queue;
+    const auto offer = [&](Index from, Index to) {
+      if (const Candidate c = candidate(from, to); !(c.cost > highest_cost)) queue.push(c);
+    };
     std::size_t steps = 0;
     for (const Face& f : faces_) {
       if (++steps % 4096 == 0 && context.cancelled()) return false;
@@ -164,11 +207,9 @@ class Decimator {
         if (border_[at(f[i])] && border_[at(f[(i + 1) % 3])]) offer(f[(i + 1) % 3], f[i]);
       }
     }
-    while (alive_ > stop && !queue_.empty()) {
+    while (alive_ > stop && !queue.empty()) {
       if (++steps % 4096 == 0 && context.cancelled()) return false;
-      const Candidate c = queue_.top();
-      if (c.cost > highest_cost) break;
-      queue_.pop();
+      const Candidate c = queue.pop();
       if (c.from_stamp != stamps_[at(c.from)] || c.to_stamp != stamps_[at(c.to)]) continue;
       if (!keeps_topology(c.from, c.to) || !keeps_shape(c.from, c.to, rule)) continue;
       collapse(c.from, c.to);
@@ -329,7 +370,6 @@ class Decimator {
   std::vector<Quadric> quadrics_;
   std::vector<std::uint32_t> stamps_, marks_;
   std::uint32_t mark_ = 0;
-  std::priority_queue<Candidate> queue_;
   Index alive_ = 0;
   double noise_ = 0;      // edges shorter than this are no part of the shape
   double unit_cost_ = 0;  // of a triangle of the wanted size that is a seventh of its width off the surface

@@ -94,7 +94,7 @@ QUADRIG_INLINE Expected<SplitQuads> split_quads(const TriangleMesh<double>& mesh
   SplitReport& report = result.report;
   report.refined_faces = fine.face_count();
   context.progress("simplify", 0.1);
-  detail::Decimator decimator(fine, options.uniformity, std::sqrt(2 * mesh.total_area() / faces_wanted));
+  detail::Decimator decimator(fine, options.uniformity, std::sqrt(2 * mesh.total_area() / faces_wanted), context);
   if (Status status = decimator.reduce(faces_wanted, context); !status) return status.error();
   context.progress("simplify", 0.6);
 
