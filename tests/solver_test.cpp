@@ -36,6 +36,43 @@ struct Strip {
   QuadraticForm<K> form;
 };
 
+// A grid with cuts that end inside it. Over each the values jump by unknowns of their own, along the first rows by two
+// of them, as in a seamless map; over every other cut they change their sign too.
+template <class K>
+struct Cuts {
+  static constexpr Index count = 5;
+
+  explicit Cuts(Index size, double pull = 1e-6) : side(size), cells(size * size), form(cells + count) {
+    const RowTerm rows{
+        "cuts", [&](EmitRow<K> emit) {
+          detail::LawNumbers<K> numbers(3);
+          for (Index f = 0; f < cells; ++f) {
+            const Index i = f / side, j = f % side, over = cut(f);
+            if (over != no_index)
+              emit(Row<K>{std::array<Index, 4>{f, f + 1, cells + over, cells + (over + 1) % count},
+                          std::array<K, 4>{K(1), K(over % 2 == 0 ? -1 : 1), K(-1), K(i < side / 8 ? 1 : 0)},
+                          numbers.number(), 1.0});
+            else if (j + 1 < side)
+              emit(Row<K>{std::array<Index, 2>{f, f + 1}, std::array<K, 2>{K(1), K(-1)}, numbers.number(), 1.0});
+            if (i + 1 < side)
+              emit(Row<K>{std::array<Index, 2>{f, f + side}, std::array<K, 2>{K(1), K(-1)}, numbers.number(), 1.0});
+            emit(Row<K>{std::array<Index, 1>{f}, std::array<K, 1>{K(1)}, numbers.number(), pull});
+          }
+        }};
+    [[maybe_unused]] const Status status = form.assemble(rows);
+    assert(status.ok());
+  }
+  // The cut between a cell and the next of its row.
+  [[nodiscard]] Index cut(Index f) const {
+    const Index i = f / side, j = f % side;
+    for (Index k = 0; k < count; ++k)
+      if (j == (k + 1) * side / (count + 1) && i < (k + 3) * side / (count + 4)) return k;
+    return no_index;
+  }
+  Index side, cells;
+  QuadraticForm<K> form;
+};
+
 }  // namespace
 
 TEMPLATE_TEST_CASE("solver: every backend in this build obeys the laws", "[solver]", float, double, std::complex<float>,
@@ -98,7 +135,7 @@ TEST_CASE("solver: multigrid's groups follow the strong entries, however many ne
                      }};
   QuadraticForm<double> form(side * side);
   REQUIRE(form.assemble(rows).ok());
-  const auto groups = quadrig::detail::aggregate(quadrig::detail::full_rows(form.matrix()), 0);
+  const auto groups = quadrig::detail::aggregate(quadrig::detail::full_rows(form.matrix()), {}, 0);
   std::vector<Index> line(at(groups.columns_count), no_index);
   REQUIRE(groups.values.size() == at(side * side));
   for (Index f = 0; f < side * side; ++f) {
@@ -108,12 +145,65 @@ TEST_CASE("solver: multigrid's groups follow the strong entries, however many ne
   }
 }
 
+TEMPLATE_TEST_CASE("solver: multigrid solves where values jump along cuts by shared unknowns, at any size", "[solver]",
+                   double, std::complex<float>, std::complex<double>) {
+  using K = TestType;
+  Index fewest = 1000, most = 0;
+  for (const Index side : {40, 80, 160}) {
+    const Cuts<K> cuts(side, 1e-4);
+    const auto A = cuts.form.matrix();
+    Context context;
+    MultigridCg<K> solver({.tolerance = 1e-10, .coarsest = 60});
+    REQUIRE(solver.factorize(A, context).ok());
+    CHECK(solver.description().find(", 5 long rows") != std::string::npos);
+    std::vector<K> x(at(A.size)), again(x.size());
+    const SolveInfo info = solver.solve(cuts.form.rhs(), x, context);
+    INFO((info.status.ok() ? std::string() : info.status.error().message()));
+    REQUIRE(info.status.ok());
+    CHECK(relative_residual<K>(A, x, cuts.form.rhs()) <
+          1e3 * std::max(1e-10, static_cast<double>(std::numeric_limits<real_of<K>>::epsilon())));
+    context.threads = 3;
+    REQUIRE(solver.solve(cuts.form.rhs(), again, context).status.ok());
+    CHECK(x == again);
+    fewest = std::min(fewest, info.iterations);
+    most = std::max(most, info.iterations);
+  }
+  CHECK(fewest >= 5);
+  CHECK(most <= 30);
+}
+
+TEST_CASE("solver: multigrid's groups end where values jump", "[solver]") {
+  const Cuts<double> cuts(40);
+  const auto full = quadrig::detail::full_rows(cuts.form.matrix());
+  std::vector<Index> found = quadrig::detail::long_rows(full, 100);
+  CHECK(quadrig::detail::long_rows(full, 2).size() == 2);
+  std::sort(found.begin(), found.end());
+  REQUIRE(found.size() == at(Cuts<double>::count));
+  std::vector<char> kept(at(full.size()), 0);
+  for (Index k = 0; k < Cuts<double>::count; ++k) {
+    CHECK(found[at(k)] == cuts.cells + k);
+    kept[at(cuts.cells + k)] = 1;
+  }
+  const auto groups = quadrig::detail::aggregate(full, kept, 0);
+  const auto group = [&](Index i) {
+    return groups.starts[at(i)] == groups.starts[at(i) + 1] ? no_index : groups.columns[groups.starts[at(i)]];
+  };
+  for (Index k = 0; k < Cuts<double>::count; ++k)
+    CHECK(group(cuts.cells + k) == groups.columns_count - Cuts<double>::count + k);
+  Index grouped = 0;
+  for (Index f = 0; f + 1 < cuts.cells; ++f) {
+    grouped += group(f) != no_index;
+    if (cuts.cut(f) != no_index) CHECK((group(f) == no_index || group(f) != group(f + 1)));
+  }
+  CHECK(grouped > cuts.cells * 9 / 10);
+}
+
 TEST_CASE("solver: multigrid keeps its levels in double where floats cannot hold them", "[solver]") {
   Context context;
   for (const auto& [pull, levels] :
        {std::pair{1e-4, "multigrid, 3 levels"}, {1e-12, "multigrid, 3 levels in double"}}) {
     const Index side = 100;
-    const RowTerm rows{"grid", [side, pull = pull](EmitRow<double> emit) {
+    const RowTerm rows{"grid", [pull = pull](EmitRow<double> emit) {
                          detail::LawNumbers<double> numbers(3);
                          const std::array<double, 2> difference{1, -1};
                          for (Index f = 0; f < side * side; ++f) {

@@ -135,7 +135,8 @@ class QuadraticForm {
   }
 
   /// Sums the terms' rows into matrix() and rhs().
-  /// \cost first call, or after the fixed set or the rows' unknowns changed: O(p log p) for p products; else O(p).
+  /// \cost first call, or after the fixed set or the rows' unknowns changed: O(p + e log e) for p products and
+  ///   e entries of the matrix; else O(p).
   /// \fails bad_input on an unknown out of range, spans of different length, or a number that is not finite: names
   ///   the term and the row; cancelled, where there is a context to ask.
   Status assemble(std::span<const TermRef<K>> terms, const Context* context = nullptr) {
@@ -288,15 +289,23 @@ class QuadraticForm {
     matrix_.column_starts.assign(1, 0);
     matrix_.column_starts.reserve(n + 1);
     matrix_.rows.clear();
+    // Many products share a row: only the distinct ones are sorted. A row of this column is known by its last place.
+    std::vector<Index> place(n, no_index);
     for (std::size_t j = 0; j < n && !cancelled(j); ++j) {
-      const auto begin = by_column.begin() + static_cast<std::ptrdiff_t>(starts[j]);
-      const auto end = by_column.begin() + static_cast<std::ptrdiff_t>(starts[j + 1]);
-      std::sort(begin, end, [](const Product& a, const Product& b) { return a.row < b.row; });
-      matrix_.rows.push_back(static_cast<Index>(j));
-      for (auto product = begin; product != end; ++product) {
-        if (matrix_.rows.back() != product->row) matrix_.rows.push_back(product->row);
-        places_[static_cast<std::size_t>(product->number)] = static_cast<Index>(matrix_.rows.size() - 1);
-      }
+      const std::span<const Product> column = std::span(by_column).subspan(starts[j], starts[j + 1] - starts[j]);
+      const std::size_t first = matrix_.rows.size();
+      const auto meet = [&](Index row) {
+        if (place[static_cast<std::size_t>(row)] >= static_cast<Index>(first)) return;
+        place[static_cast<std::size_t>(row)] = static_cast<Index>(first);
+        matrix_.rows.push_back(row);
+      };
+      meet(static_cast<Index>(j));
+      for (const Product& product : column) meet(product.row);
+      std::sort(matrix_.rows.begin() + static_cast<std::ptrdiff_t>(first), matrix_.rows.end());
+      for (std::size_t e = first; e < matrix_.rows.size(); ++e)
+        place[static_cast<std::size_t>(matrix_.rows[e])] = static_cast<Index>(e);
+      for (const Product& product : column)
+        places_[static_cast<std::size_t>(product.number)] = place[static_cast<std::size_t>(product.row)];
       matrix_.column_starts.push_back(static_cast<Index>(matrix_.rows.size()));
     }
     structured_ = true;

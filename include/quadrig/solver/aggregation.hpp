@@ -137,6 +137,7 @@ template <class K, class Factor>
     for (std::size_t e = A.starts[to_size(i)]; e < A.starts[to_size(i) + 1]; ++e) {
       const std::size_t k = to_size(A.columns[e]);
       const K factor = -factor_of(to_size(i), e);
+      if (factor == K{}) continue;
       for (std::size_t f = B.starts[k]; f < B.starts[k + 1]; ++f) {
         std::size_t& where = place[to_size(B.columns[f])];
         if (where == absent || where < begin) {
@@ -157,24 +158,97 @@ template <class K>
   return product(A, B, [&](std::size_t, std::size_t e) { return A.values[e]; });
 }
 
-/// Groups of unknowns that are strongly joined, one column each; an unknown's entry is the phase that carries the
-/// group's value to it along its strong entries. Unknowns that their own diagonal settles belong to none.
+/// Unknowns whose rows are far longer than the others', longest first, at most so many: what is left when they are
+/// taken out has no row of more than three times the mean.
 template <class K>
-[[nodiscard]] SparseRows<K> aggregate(const SparseRows<K>& A, int depth) {
+[[nodiscard]] std::vector<Index> long_rows(const SparseRows<K>& A, std::size_t at_most) {
+  const std::size_t mean = A.columns.size() / std::max<std::size_t>(1, to_size(A.size()));
+  const std::size_t limit = std::max<std::size_t>(20, 3 * mean);
+  std::vector<std::size_t> length(to_size(A.size()));
+  std::vector<std::pair<std::size_t, Index>> heap;
+  for (std::size_t i = 0; i < length.size(); ++i) {
+    length[i] = A.starts[i + 1] - A.starts[i];
+    if (length[i] > limit) heap.emplace_back(length[i], static_cast<Index>(i));
+  }
+  std::make_heap(heap.begin(), heap.end());
+  std::vector<Index> result;
+  while (!heap.empty() && result.size() < at_most) {
+    std::pop_heap(heap.begin(), heap.end());
+    auto& [known, i] = heap.back();
+    if (known != length[to_size(i)]) {  // longer rows went in the meantime
+      known = length[to_size(i)];
+      if (known > limit)
+        std::push_heap(heap.begin(), heap.end());
+      else
+        heap.pop_back();
+      continue;
+    }
+    result.push_back(i);
+    for (std::size_t e = A.starts[to_size(i)]; e < A.starts[to_size(i) + 1]; ++e) --length[to_size(A.columns[e])];
+    heap.pop_back();
+  }
+  return result;
+}
+
+/// Marks the entries that no group may grow along where some unknowns are `kept` apart: those of kept ones, and those
+/// between two unknowns that the kept ones do not pull alike, once the one's value is carried to the other. A jump by
+/// the kept ones' values can lie there, which no value of a group would tell from none.
+template <class K>
+[[nodiscard]] std::vector<char> across_jumps(const SparseRows<K>& A, std::span<const char> kept,
+                                             std::span<const real_of<K>> diagonal) {
+  using Real = real_of<K>;
+  constexpr Real alike = Real(0.99);  // cosine between the pulls
+  const std::size_t n = to_size(A.size());
+  std::vector<char> across(A.columns.size(), 0);
+  const auto for_each_pull = [&](std::size_t i, auto&& body) {
+    for (std::size_t e = A.starts[i]; e < A.starts[i + 1]; ++e)
+      if (const std::size_t d = to_size(A.columns[e]); kept[d]) body(d, A.values[e]);
+  };
+  std::vector<Real> length(n, 0);  // of each unknown's pulls
+  for (std::size_t i = 0; i < n; ++i) {
+    if (!kept[i]) for_each_pull(i, [&](std::size_t d, const K& a) { length[i] += std::norm(a) / diagonal[d]; });
+    length[i] = std::sqrt(length[i]);
+  }
+  std::vector<K> pull(n);  // of the kept ones on i
+  for (std::size_t i = 0; i < n; ++i) {
+    if (!kept[i] && length[i] == 0) continue;
+    for_each_pull(i, [&](std::size_t d, const K& a) { pull[d] = conjugate(a) / diagonal[d]; });
+    for (std::size_t e = A.starts[i]; e < A.starts[i + 1]; ++e) {
+      const std::size_t j = to_size(A.columns[e]);
+      if (kept[i] || kept[j]) across[e] = 1;
+      if (across[e] || j == i || length[j] == 0) continue;
+      K sum{};
+      for_each_pull(j, [&](std::size_t d, const K& a) { sum += pull[d] * a; });
+      const Real along =
+          -std::real(A.values[e] * sum) / std::abs(A.values[e]);  // the neighbour's value is carried by −a
+      across[e] = !(along > alike * length[i] * length[j]);
+    }
+    for_each_pull(i, [&](std::size_t d, const K&) { pull[d] = K{}; });
+  }
+  return across;
+}
+
+/// Groups of unknowns that are strongly joined, one column each; an unknown's entry is the phase that carries the
+/// group's value to it along its strong entries. Unknowns that their own diagonal settles belong to none. Those that
+/// are `kept` apart are the last groups, each alone; the marks are empty where there are none.
+template <class K>
+[[nodiscard]] SparseRows<K> aggregate(const SparseRows<K>& A, std::span<const char> kept, int depth) {
   using Real = real_of<K>;
   const Index n = A.size();
   const std::vector<Real> diagonal = A.diagonal();
   const Real threshold = static_cast<Real>(0.08 * std::pow(0.5, depth));
   // Beside the strongest of either unknown: so that groups grow where errors stay smooth, at any number of neighbours.
   constexpr Real share = Real(0.5);
+  const std::vector<char> across = kept.empty() ? std::vector<char>() : across_jumps<K>(A, kept, diagonal);
+  const auto may_join = [&](Index i, std::size_t e) { return A.columns[e] != i && (across.empty() || !across[e]); };
   std::vector<Real> largest(to_size(n), 0);
   for (Index i = 0; i < n; ++i)
     for (std::size_t e = A.starts[to_size(i)]; e < A.starts[to_size(i) + 1]; ++e)
-      if (A.columns[e] != i) largest[to_size(i)] = std::max(largest[to_size(i)], std::norm(A.values[e]));
+      if (may_join(i, e)) largest[to_size(i)] = std::max(largest[to_size(i)], std::norm(A.values[e]));
   const auto strong = [&](Index i, std::size_t e) {
     const Index j = A.columns[e];
     const Real square = std::norm(A.values[e]);
-    return j != i && square > threshold * threshold * diagonal[to_size(i)] * diagonal[to_size(j)] &&
+    return may_join(i, e) && square > threshold * threshold * diagonal[to_size(i)] * diagonal[to_size(j)] &&
            square >= share * share * std::min(largest[to_size(i)], largest[to_size(j)]);
   };
   std::vector<Index> group(to_size(n), no_index);
@@ -218,6 +292,8 @@ template <class K>
     for (std::size_t e = A.starts[to_size(i)]; e < A.starts[to_size(i) + 1]; ++e)
       if (strong(i, e) && group[to_size(A.columns[e])] == no_index) join(A.columns[e], i, conjugate(A.values[e]));
   }
+  for (std::size_t i = 0; i < kept.size(); ++i)
+    if (kept[i]) group[i] = count++;
   SparseRows<K> result;
   result.columns_count = count;
   for (Index i = 0; i < n; ++i) {
@@ -249,21 +325,97 @@ template <class L, class K>
   return result;
 }
 
-/// (I − ω D⁻¹ A) T with ω = 4/3 over a bound of the spectrum of D⁻¹ A.
+/// The groups, where an unknown of none that the kept ones pull becomes what its own row makes of its neighbours: jumps
+/// meet there, and the value is then right on every side. A few sweeps, for such unknowns stand together.
 template <class K>
-[[nodiscard]] SparseRows<K> smoothed(const SparseRows<K>& A, const SparseRows<K>& tentative) {
+[[nodiscard]] SparseRows<K> joined(const SparseRows<K>& A, std::span<const char> kept, const SparseRows<K>& groups) {
+  constexpr int sweeps = 4;
+  const std::size_t n = to_size(A.size());
+  std::vector<std::size_t> alone;
+  std::vector<Index> place(n, no_index);  // in `alone`
+  for (std::size_t i = 0; i < n; ++i) {
+    if (groups.starts[i] != groups.starts[i + 1]) continue;
+    bool pulled = false;
+    for (std::size_t e = A.starts[i]; e < A.starts[i + 1] && !pulled; ++e) pulled = kept[to_size(A.columns[e])] != 0;
+    if (!pulled) continue;
+    place[i] = static_cast<Index>(alone.size());
+    alone.push_back(i);
+  }
+  if (alone.empty()) return groups;
+  struct Share {
+    Index group;
+    K value;
+  };
+  std::vector<std::vector<Share>> made(alone.size());
+  constexpr std::size_t absent = static_cast<std::size_t>(-1);
+  std::vector<std::size_t> where(to_size(groups.columns_count), absent);
+  std::vector<Share> sum;
+  for (int sweep = 0; sweep < sweeps; ++sweep)
+    for (std::size_t k = 0; k < alone.size(); ++k) {
+      const std::size_t i = alone[k];
+      K diagonal{};
+      const auto subtract = [&](const K& a, Index group, const K& value) {
+        std::size_t& at = where[to_size(group)];
+        if (at == absent) {
+          at = sum.size();
+          sum.push_back({group, K{}});
+        }
+        subtract_product(sum[at].value, a, value);
+      };
+      for (std::size_t e = A.starts[i]; e < A.starts[i + 1]; ++e) {
+        const std::size_t j = to_size(A.columns[e]);
+        if (j == i)
+          diagonal = A.values[e];
+        else if (place[j] != no_index)
+          for (const Share& share : made[to_size(place[j])]) subtract(A.values[e], share.group, share.value);
+        else
+          for (std::size_t f = groups.starts[j]; f < groups.starts[j + 1]; ++f)
+            subtract(A.values[e], groups.columns[f], groups.values[f]);
+      }
+      for (Share& share : sum) {
+        where[to_size(share.group)] = absent;
+        share.value /= std::real(diagonal);
+      }
+      made[k] = sum;
+      sum.clear();
+    }
+  SparseRows<K> result;
+  result.columns_count = groups.columns_count;
+  for (std::size_t i = 0; i < n; ++i) {
+    const auto add = [&](Index group, const K& value) {
+      result.columns.push_back(group);
+      result.values.push_back(value);
+    };
+    if (place[i] != no_index)
+      for (const Share& share : made[to_size(place[i])]) add(share.group, share.value);
+    else
+      for (std::size_t f = groups.starts[i]; f < groups.starts[i + 1]; ++f) add(groups.columns[f], groups.values[f]);
+    result.starts.push_back(result.columns.size());
+  }
+  return result;
+}
+
+/// (I − ω D⁻¹ A) T with ω = 4/3 over a bound of the spectrum of D⁻¹ A; the rows of unknowns kept apart are those of T.
+template <class K>
+[[nodiscard]] SparseRows<K> smoothed(const SparseRows<K>& A, std::span<const char> kept,
+                                     const SparseRows<K>& tentative) {
   using Real = real_of<K>;
   const std::vector<Real> diagonal = A.diagonal();
+  const bool apart = !kept.empty();
   Real bound = 0;
   for (std::size_t i = 0; i < diagonal.size(); ++i) {
+    if (apart && kept[i]) continue;
     Real sum = 0;
-    for (std::size_t e = A.starts[i]; e < A.starts[i + 1]; ++e) sum += std::abs(A.values[e]);
+    for (std::size_t e = A.starts[i]; e < A.starts[i + 1]; ++e)
+      if (!apart || !kept[to_size(A.columns[e])]) sum += std::abs(A.values[e]);
     bound = std::max(bound, sum / diagonal[i]);
   }
   const Real omega = Real(4) / (3 * bound);
   return product(A, tentative, [&](std::size_t i, std::size_t e) {
+    const bool own = A.columns[e] == static_cast<Index>(i);
+    if (apart && kept[i]) return own ? K(1) : K{};
     const K step = A.values[e] * (-omega / diagonal[i]);
-    return A.columns[e] == static_cast<Index>(i) ? step + Real(1) : step;
+    return own ? step + Real(1) : step;
   });
 }
 

@@ -15,10 +15,11 @@ class BlockedRows {
   static constexpr std::size_t block = 4096;
 
   BlockedRows() = default;
-  /// A, times a factor, with its rows and columns in another order: row i is row order[i] of A. \pre a permutation
+  /// A, times a factor, with its rows and columns in another order: row i is row order[i] of A. The last `kept`
+  /// unknowns are not smoothed: coarser levels alone move them. \pre a permutation
   template <class Wide>
-  BlockedRows(const SparseRows<Wide>& A, std::span<const Index> order, real_of<Wide> factor = 1)
-      : diagonal_(order.size()), inverse_(order.size()), rows_(order.size()) {
+  BlockedRows(const SparseRows<Wide>& A, std::span<const Index> order, real_of<Wide> factor = 1, std::size_t kept = 0)
+      : smoothed_(order.size() - kept), diagonal_(order.size()), inverse_(order.size()), rows_(order.size()) {
     const std::size_t n = order.size();
     std::vector<Index> position(n);
     for (std::size_t i = 0; i < n; ++i) position[to_size(order[i])] = static_cast<Index>(i);
@@ -45,9 +46,18 @@ class BlockedRows {
         Row& row = rows_[to_size(i)];
         row.left = static_cast<Local>(take([&](Index j) { return j >= first && j < i; }, first, columns_, values_));
         row.right = static_cast<Local>(take([&](Index j) { return j > i && j < last; }, first, columns_, values_));
+        if (to_size(i) >= smoothed_) inverse_[to_size(i)] = 0;
+        const std::size_t outer = outer_columns_.size();
         if (take([&](Index j) { return j < first || j >= last; }, 0, outer_columns_, outer_values_) == 0) continue;
         outer_rows_.push_back(i);
         outer_starts_.push_back(outer_columns_.size());
+        // The sweep converges where the diagonal, with twice what is added to it, outweighs what the sweep leaves out.
+        Real left_out = 0;
+        for (std::size_t o = outer; o < outer_columns_.size(); ++o)
+          if (to_size(outer_columns_[o]) < smoothed_) left_out += std::abs(outer_values_[o]);
+        const Real more = std::max(Real(0), (left_out - Real(0.9) * diagonal_[to_size(i)]) / 2);
+        outer_more_.push_back(to_size(i) < smoothed_ ? more : 0);
+        if (to_size(i) < smoothed_) inverse_[to_size(i)] = 1 / (diagonal_[to_size(i)] + more);
       }
       bases_.push_back(columns_.size());
       outer_blocks_.push_back(outer_rows_.size());
@@ -139,11 +149,17 @@ class BlockedRows {
       for (std::size_t i = begin; i < end; e += rows_[i++].count())
         x[i] = inverse_[i] * (b[i] + minus(e, rows_[i].left, x.data() + begin));
       e = bases_[k];
-      for (std::size_t i = begin; i < end; e += rows_[i++].count())  // the rest of the row is met
+      const std::size_t met = std::max(begin, std::min(end, smoothed_));
+      for (std::size_t i = begin; i < met; e += rows_[i++].count())  // the rest of the row is met
         r[i] = minus(e + rows_[i].left, rows_[i].right, x.data() + begin);
+      for (std::size_t i = met; i < end; e += rows_[i++].count())
+        r[i] = b[i] + minus(e, rows_[i].count(), x.data() + begin);
       show(k, x.data());
     });
-    subtract_outer(r, context);
+    for_each_block(context, [&](std::size_t k, std::size_t, std::size_t) {
+      for (std::size_t o = outer_blocks_[k]; o < outer_blocks_[k + 1]; ++o)
+        r[to_size(outer_rows_[o])] += minus_outer(o) + outer_more_[o] * x[to_size(outer_rows_[o])];
+    });
   }
   /// x += P y, then the sweep downwards on b; returns b · x.
   double correct_and_smooth_downwards(const SparseRows<K>& P, std::span<const K> y, std::span<const K> b,
@@ -163,8 +179,11 @@ class BlockedRows {
       for (std::size_t i = end; i-- > begin;) {
         e -= rows_[i].count();
         K value = b[i] + minus(e, rows_[i].count(), x.data() + begin);
-        if (o > outer_blocks_[k] && to_size(outer_rows_[o - 1]) == i) value += minus_outer(--o);
-        x[i] = inverse_[i] * value;
+        if (o > outer_blocks_[k] && to_size(outer_rows_[o - 1]) == i) {
+          value += minus_outer(--o);
+          value += outer_more_[o] * x[i];
+        }
+        if (i < smoothed_) x[i] = inverse_[i] * value;
         sum += product(b[i], x[i]);
       }
       return sum;
@@ -230,6 +249,7 @@ class BlockedRows {
     });
   }
 
+  std::size_t smoothed_ = 0;  // unknowns that the sweeps move; those after them are kept
   std::vector<Real> diagonal_, inverse_;
   std::vector<Row> rows_;
   std::vector<std::size_t> bases_{0};  // of each block in columns_
@@ -239,6 +259,7 @@ class BlockedRows {
   std::vector<std::size_t> outer_starts_{0}, outer_blocks_{0};
   std::vector<Index> outer_columns_;  // places in the halo: the rows that other blocks read, ascending
   std::vector<K> outer_values_;
+  std::vector<Real> outer_more_;  // that sweeps add to the diagonal
   std::vector<Index> halo_rows_;
   std::vector<std::size_t> halo_blocks_{0};
   std::vector<K> halo_;

@@ -11,12 +11,27 @@ namespace quadrig::detail {
 template <class K, class L>
 class MultigridLevels {
  public:
-  /// `reorder`: unknowns that fall into one of the coarser levels stand together in `order()`, so that what a block of
-  /// rows reads is near; else they stay as they are.
+  /// Unknowns that fall into one of the coarser levels stand together in `order()`, so that what a block of rows reads
+  /// is near. Those with long rows stand last: they are unknowns of every level, and the coarsest alone moves them.
+  /// `in_order`: how many such there are, where `finest` is in that order already, which stays.
   /// \fails numeric where a diagonal entry, or the coarsest matrix, shows that the matrix is not positive definite;
   ///   cancelled.
-  Status build(const SparseRows<K>& finest, Index coarsest, bool reorder, Context& context) {
+  Status build(const SparseRows<K>& finest, Index coarsest, std::optional<Index> in_order, Context& context) {
     levels_.clear();
+    const auto last_of = [&](Index n) {  // marked where there are any
+      std::vector<char> marks(kept_ > 0 ? to_size(n) : 0, 0);
+      std::fill_n(marks.rbegin(), kept_, char{1});
+      return marks;
+    };
+    std::vector<char> kept;
+    kept_ = in_order.value_or(0);
+    if (in_order) {
+      kept = last_of(finest.size());
+    } else if (const std::vector<Index> found = long_rows(finest, 4 * to_size(coarsest)); !found.empty()) {
+      kept_ = static_cast<Index>(found.size());
+      kept.resize(to_size(finest.size()), 0);
+      for (const Index i : found) kept[to_size(i)] = 1;
+    }
     const auto indefinite = [] {
       return Error{ErrorCode::numeric, "the matrix is not positive definite", "solver multigrid",
                    "every unknown needs a term, or a fixed value in its component"};
@@ -37,17 +52,21 @@ class MultigridLevels {
         if (!(each > 0) || !std::isfinite(each)) return indefinite();
         if (made.size() == 1) largest = std::max(largest, each);
       }
-      if (fine.size() <= coarsest || made.size() >= 30) break;
-      const SparseRows<K> tentative = aggregate(fine, static_cast<int>(made.size()) - 1);
-      if (tentative.columns_count == 0 || tentative.columns_count > fine.size() / 10 * 9) break;
+      const Index moved = fine.size() - kept_;
+      if (moved <= coarsest || made.size() >= 30) break;
+      const SparseRows<K> tentative = aggregate<K>(fine, kept, static_cast<int>(made.size()) - 1);
+      const Index groups = tentative.columns_count - kept_;
+      if (groups == 0 || groups > moved / 10 * 9) break;
       Made& level = made.back();
-      level.prolong = smoothed(fine, tentative);
+      level.prolong = smoothed<K>(fine, kept, kept.empty() ? tentative : joined<K>(fine, kept, tentative));
+      kept = last_of(tentative.columns_count);
       level.group.resize(to_size(fine.size()), no_index);
       for (std::size_t i = 0; i < level.group.size(); ++i)
         if (tentative.starts[i] < tentative.starts[i + 1]) level.group[i] = tentative.columns[tentative.starts[i]];
       SparseRows<K> coarse = product(adjoint(level.prolong), product(fine, level.prolong));
       made.push_back({std::move(coarse), {}, {}});
     }
+    if (made.size() == 1) kept_ = 0;  // nothing is smoothed, and nothing stands last
     const HermitianMatrix<K> last = lower_columns(matrix(made.size() - 1));
     coarsest_ = SupernodalCholesky<K>();
     Context own;
@@ -72,8 +91,8 @@ class MultigridLevels {
       const bool finer = depth + 1 < made.size();
       std::vector<Index> position(below.size());
       for (std::size_t i = 0; i < below.size(); ++i) position[to_size(below[i])] = static_cast<Index>(i);
-      if (reorder && finer) order_ = by_group(from.group, position);
-      level.matrix = BlockedRows<L>(matrix(depth), order_, factor_);
+      if (!in_order && finer) order_ = by_group(from.group, position, to_size(kept_));
+      level.matrix = BlockedRows<L>(matrix(depth), order_, factor_, to_size(kept_));
       if (finer) {
         level.prolong = permuted<L>(from.prolong, order_, position);
         level.restrict_to = adjoint(level.prolong);
@@ -86,6 +105,8 @@ class MultigridLevels {
     return {};
   }
 
+  /// Unknowns with long rows.
+  [[nodiscard]] Index kept() const { return kept_; }
   /// The unknown at each place of `cycle`'s vectors.
   [[nodiscard]] const std::vector<Index>& order() const { return order_; }
 
@@ -102,10 +123,14 @@ class MultigridLevels {
   }
 
  private:
-  // Groups in their order, those of none last.
-  static std::vector<Index> by_group(std::span<const Index> group, std::span<const Index> position) {
+  // Groups in their order, unknowns of none after them, but before the last groups, of those kept.
+  static std::vector<Index> by_group(std::span<const Index> group, std::span<const Index> position, std::size_t kept) {
     std::vector<std::size_t> next(position.size() + 2, 0);
-    const auto place = [&](Index g) { return g == no_index ? position.size() : to_size(position[to_size(g)]); };
+    const std::size_t none = position.size() - kept;
+    const auto place = [&](Index g) {
+      const std::size_t p = g == no_index ? none : to_size(position[to_size(g)]);
+      return g != no_index && p >= none ? p + 1 : p;
+    };
     for (const Index g : group) ++next[place(g) + 1];
     for (std::size_t k = 0; k + 1 < next.size(); ++k) next[k + 1] += next[k];
     std::vector<Index> order(group.size());
@@ -154,6 +179,7 @@ class MultigridLevels {
   std::vector<Level> levels_;
   SupernodalCholesky<K> coarsest_;
   std::vector<Index> order_;
+  Index kept_ = 0;
   real_of<K> factor_ = 1;  // of the matrices of all levels
 };
 

@@ -15,9 +15,11 @@ struct MultigridOptions {
 /// unknown is its neighbour's turned as the entry between them says, so that a field's transport, or a map's jumps,
 /// are those of the coarser levels too. The levels are kept in single precision, which halves what an iteration reads;
 /// where a matrix is too ill-conditioned for that they are made again in double. Sums run in blocks of their own, so
-/// the bits do not depend on the threads.
-/// \cost factorize and each iteration O(nonzeros); on surfaces about 25 iterations at any size.
-/// Source: Vaněk, Mandel and Brezina 1996; the phases as in connection-aware multigrid on Laplacians of vector bundles.
+/// the bits do not depend on the threads. The few unknowns that very many rows share (the jumps and singular vertices
+/// of a seamless map) are unknowns of every level, and the coarsest, which is solved exactly, moves them.
+/// \cost factorize and each iteration O(nonzeros); on surfaces 20 to 30 iterations at any size.
+/// Source: Vaněk, Mandel and Brezina 1996; the phases as in connection-aware multigrid on Laplacians of vector bundles;
+/// l1 Gauss–Seidel: Baker, Falgout, Kolev and Yang 2011.
 template <SparseScalar K>
 class MultigridCg {
  public:
@@ -60,7 +62,7 @@ class MultigridCg {
                    "every unknown needs a term, or a fixed value in its component"};
     }
     const detail::SparseRows<K> full = detail::full_rows(A);
-    if (Status status = rough_.build(full, options_.coarsest, true, context); !status.ok()) return status;
+    if (Status status = rough_.build(full, options_.coarsest, std::nullopt, context); !status.ok()) return status;
     matrix_ = detail::BlockedRows<K>(full, rough_.order());
     ready_ = true;
     return {};
@@ -77,7 +79,7 @@ class MultigridCg {
         SolveInfo info = iterate(rough_, b, x, std::min(patience, options_.max_iterations), context);
         if (info.status.ok() || info.status.error().code != ErrorCode::numeric || definite_failure_) return info;
         exact_.emplace();
-        if (Status status = exact_->build(matrix_.rows(), options_.coarsest, false, context); !status.ok()) {
+        if (Status status = exact_->build(matrix_.rows(), options_.coarsest, rough_.kept(), context); !status.ok()) {
           exact_.reset();
           return {.status = status};
         }
@@ -92,7 +94,8 @@ class MultigridCg {
   [[nodiscard]] std::size_t stored_entries() const { return matrix_.entries() + rough_.entries(); }
   [[nodiscard]] std::string description() const {
     if (rough_.count() == 0) return std::string(name());
-    return std::string(name()) + ", " + std::to_string(rough_.count()) + " levels" + (exact_ ? " in double" : "");
+    return std::string(name()) + ", " + std::to_string(rough_.count()) + " levels" + (exact_ ? " in double" : "") +
+           (rough_.kept() > 0 ? ", " + std::to_string(rough_.kept()) + " long rows" : "");
   }
 
  private:
