@@ -14,7 +14,7 @@ struct FitOptions {
   /// What a quad's shape costs, in mean errors for the square of a sine: corners that are not right, edges that turn
   /// from where they ran, and edges that leave the direction they are given.
   double skew = 3, turn = 1, stray = 5;
-  double accepted = 0.6;  ///< a move may not push a scaled Jacobian below this, or below what it was
+  double accepted = 0.8;  ///< a move may not push a scaled Jacobian below this, or below what it was
 
   /// \fails bad_option, naming the field
   [[nodiscard]] Status validate() const;
