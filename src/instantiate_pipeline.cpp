@@ -1,5 +1,6 @@
 // The one definition of the pipeline's large functions.
 #include "quadrig/pipeline.hpp"
 
+#include "quadrig/fit/fit.ipp"
 #include "quadrig/pipeline/component.ipp"
 #include "quadrig/pipeline/remesh.ipp"

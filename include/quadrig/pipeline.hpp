@@ -3,6 +3,7 @@
 
 #include "quadrig/asset.hpp"
 #include "quadrig/field.hpp"
+#include "quadrig/fit.hpp"
 #include "quadrig/polish.hpp"
 #include "quadrig/sizing.hpp"
 #include "quadrig/transfer.hpp"
@@ -32,6 +33,7 @@ struct RemeshOptions {
   /// Edges that bend more than this become edges of quads, radians; π: none.
   double crease_angle_radians = 3.14159265358979323846;
   PolishOptions polish;
+  FitOptions fit;
   SolverChoice solver{};  ///< of every stage
 
   /// \fails bad_option, naming the field

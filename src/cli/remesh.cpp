@@ -37,6 +37,7 @@ Json options_json(const Options& o) {
     json["sizing"] = nullptr;
   json["bend_degrees"] = o.remesh.bend_degrees;
   json["crease_degrees"] = o.crease_degrees > 0 ? Json(o.crease_degrees) : Json(nullptr);
+  json["fit"] = o.remesh.fit.rounds > 0;
   json["influences"] = o.remesh.influences;
   json["count_tolerance"] = o.remesh.count_tolerance;
   json["solver"] = o.remesh.solver.name;
@@ -199,6 +200,9 @@ void add_remesh(CLI::App& app, Run& run) {
   verb->add_option("--creases", options->crease_degrees, "Edges that bend more than this stay edges, degrees")
       ->check(CLI::Range(0.0, 180.0))
       ->type_name("ANGLE");
+  verb->add_flag_callback(
+      "--no-fit", [&remesh] { remesh.fit.rounds = 0; },
+      "Leave vertices where quads are most even, not where they come closest to the surface");
   verb->add_option("--influences", remesh.influences, "Most weights that a vertex keeps")
       ->capture_default_str()
       ->type_name("N");

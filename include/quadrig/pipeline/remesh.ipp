@@ -18,6 +18,7 @@ QUADRIG_INLINE Status RemeshOptions::validate() const {
     return bad("bend_degrees", "out of range", "give an angle in (0, 180)");
   if (!(crease_angle_radians > 0)) return bad("crease_angle_radians", "not positive", "give an angle in radians");
   if (!(directions.posed >= 0)) return bad("directions.posed", "negative", "give 0 or more");
+  if (const Status status = fit.validate(); !status.ok()) return status;
   return sizing ? sizing->validate() : Status{};
 }
 
@@ -37,6 +38,25 @@ inline SizingOptions preset_sizing(FieldPreset preset, bool rigged) {
     sizing.density = DensitySource::uniform;
   if (sizing.density == DensitySource::uniform) sizing.largest_aspect = 1;
   return sizing;
+}
+
+/// Of an error, by face: joint_weight where weights blend, 1 where one bone rules.
+inline std::vector<double> joint_weights(std::span<const double> omega1, double joint_weight) {
+  std::vector<double> weights;
+  for (const double omega : omega1) weights.push_back(1 + (joint_weight - 1) * std::clamp(1 - omega, 0.0, 1.0));
+  return weights;
+}
+
+/// That of the bone which rules a face all but alone; zero on the others.
+inline std::vector<Vector3> ruling_directions(const Dominance& dominance, const Skeleton& skeleton) {
+  constexpr double alone = 0.9;
+  std::vector<Vector3> directions(at(dominance.face_count()), Vector3::Zero());
+  for (Index f = 0; f < static_cast<Index>(directions.size()); ++f) {
+    if (!(dominance.omega(f, 1) > alone)) continue;
+    const Bone& bone = skeleton.bones[at(dominance.share(f, 1).bone)];
+    if (bone.has_direction) directions[at(f)] = bone.direction();
+  }
+  return directions;
 }
 
 }  // namespace detail
@@ -66,11 +86,11 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
   if (context.cancelled()) return cancelled_error("remesh");
   context.progress("metric", 0);
 
-  const auto stop = [&] { return context.cancelled(); };
   // Sizes and posed directions, once for the whole asset.
   Stopwatch watch;
   SizeField sizes;
   std::optional<PosedMetric> metric;
+  FitTargets fit_targets;
   std::vector<double> omega1;
   if (asset.rig) {
     Expected<Dominance> dominance = Dominance::create(mesh, *asset.rig);
@@ -79,8 +99,13 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
       if (f % 4096 == 0 && context.cancelled()) return cancelled_error("remesh");
       omega1.push_back(dominance->omega(f, 1));
     }
+    if (options.preset != FieldPreset::flat) {
+      fit_targets.weight = detail::joint_weights(omega1, sizing.joint_weight);
+      if (options.directions.bones.value_or(1) > 0)
+        fit_targets.direction = detail::ruling_directions(*dominance, asset.rig->skeleton);
+    }
   }
-  if (stop()) return cancelled_error("remesh");
+  if (context.cancelled()) return cancelled_error("remesh");
   const bool posed = sizing.density == DensitySource::posed || options.directions.posed > 0;
   const bool curved = posed || sizing.density == DensitySource::rest;
   if (curved) {
@@ -94,6 +119,7 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
           PosedForms::create(mesh, connection, asset.rig->weights, poses, form_options, context);
       if (!forms) return forms.error();
       sizes.forms = std::move(*forms);
+      fit_targets.set_bending(connection, sizes.forms, context);
     } else {
       sizes.forms = PosedForms::at_rest(mesh, connection);
     }
@@ -123,11 +149,11 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
     case DensitySource::field:
       break;
   }
-  if (stop()) return cancelled_error("remesh");
+  if (context.cancelled()) return cancelled_error("remesh");
   const bool sized = sizing.density != DensitySource::field;
   if (sized && sizing.density != DensitySource::uniform)
     sizes.density = graded_density(mesh, sizes.density, options.quads, sizing.gradation, context);
-  if (stop()) return cancelled_error("remesh");
+  if (context.cancelled()) return cancelled_error("remesh");
   result.report.seconds.metric = watch.seconds();
 
   // Components, each with its share.
@@ -158,9 +184,9 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
   left = std::max(left, 0.5 * options.quads);
   for (std::size_t c = 0; c < faces.size(); ++c)
     if (!(due[c] > 0)) due[c] = std::max(1.0, left * share[c] / rest);
-  if (stop()) return cancelled_error("remesh");
+  if (context.cancelled()) return cancelled_error("remesh");
   const detail::RemeshShared shared{
-      asset, connection, options, sizing, sized ? &sizes : nullptr, metric ? &*metric : nullptr};
+      asset, connection, options, sizing, sized ? &sizes : nullptr, metric ? &*metric : nullptr, fit_targets};
   std::vector<std::optional<Expected<detail::ComponentResult>>> parts(faces.size());
   context.progress("remesh", 0.1);
   const auto work = [&](std::size_t begin, std::size_t end) {
