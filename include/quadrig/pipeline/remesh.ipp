@@ -162,7 +162,7 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
   std::vector<double> share(at(components.count), 0.0);
   double whole = 0;
   for (Index f = 0; f < mesh.face_count(); ++f) {
-    if (f % 4096 == 0 && stop()) return cancelled_error("remesh");
+    if (f % 4096 == 0 && context.cancelled()) return cancelled_error("remesh");
     const auto c = at(components.of_face[at(f)]);
     faces[c].push_back(f);
     share[c] += mesh.area(f) * (sized ? sizes.density[at(f)] : 1.0);
