@@ -34,20 +34,21 @@ struct FitTargets {
 };
 
 struct FitReport {
-  /// Root mean square distance from the quads to the surface, by five points a quad and by `weight`, and what bending
-  /// adds to it; a length.
+  /// Root mean square distance from the quads to the surface, by their centres and edges and by `weight`, and what
+  /// bending adds to it; a length.
   double before = 0, after = 0;
   int rounds = 0;
 };
 
-/// Moves vertices along the surface, those on a border or on an edge that bends more than `crease_angle_radians` not at
-/// all. Every vertex stays on the surface and `source` follows; the same bits for any number of threads.
+/// Moves vertices along the surface, those on a border, on an edge that bends more than `crease_angle_radians`, or in
+/// `held`, not at all. Every vertex stays on the surface and `source` follows; the same bits for any number of threads.
+/// \param held a flag a vertex, or empty: none
 /// \pre quads.source has one point a vertex
 /// \cost O(rounds · quads) closest-point walks: about ten for each vertex and round. \fails never; leaves early, with
 ///   sound quads, where it is cancelled.
 [[nodiscard]] QUADRIG_INLINE FitReport fit(const TriangleMesh<double>& mesh, const FitTargets& targets,
-                                           double crease_angle_radians, const FitOptions& options, QuadMesh& quads,
-                                           Context& context);
+                                           double crease_angle_radians, std::vector<char> held,
+                                           const FitOptions& options, QuadMesh& quads, Context& context);
 
 }  // namespace quadrig
 

@@ -34,6 +34,9 @@ struct RemeshOptions {
   double crease_angle_radians = 3.14159265358979323846;
   PolishOptions polish;
   FitOptions fit;
+  /// Called with all quads before they are fitted to the surface (the asset's mesh); may move vertices along it, and
+  /// returns those that the fit leaves in place, a flag each, or nothing.
+  std::function<std::vector<char>(const TriangleMesh<double>&, QuadMesh&)> before_fit;
   SolverChoice solver{};  ///< of every stage
 
   /// \fails bad_option, naming the field

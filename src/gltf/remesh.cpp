@@ -5,7 +5,6 @@
 #include "primitives.hpp"
 #include "regions.hpp"
 #include "roots.hpp"
-#include "seams.hpp"
 #include "shells.hpp"
 
 namespace quadrig {
@@ -99,35 +98,6 @@ struct MorphNormals {
     for (const auto& [first, change] : changes) values.segment<3>(first) = change.row(v).transpose();
   }
 };
-
-/// Moves the quads' vertices onto seams, and what hangs on their places with them.
-/// \fails as transfer_weights; cancelled
-Status snap(const Job& job, const GltfRemeshOptions& options, GltfRemeshed& done, const Context& context) {
-  QuadMesh& quads = done.result.mesh;
-  Regions regions(job.gathered, done.remeshed, job.source_face);
-  const SeamFigures figures = snap_to_seams(done.remeshed, regions, options.least_at_seams, quads, context);
-  if (context.cancelled()) return cancelled_error("gltf");
-  done.seam_edges = figures.edges;
-  done.snapped_edges = figures.on_seams;
-  if (figures.edges == 0) return {};
-  RemeshReport& report = done.result.report;
-  report.scaled_jacobian_minimum = 1;
-  double sum = 0;
-  for (Index q = 0; q < quads.quad_count(); ++q) {
-    const double j = scaled_jacobian(quads.positions, quads.quads.row(q));
-    report.scaled_jacobian_minimum = std::min(report.scaled_jacobian_minimum, j);
-    sum += j;
-  }
-  report.scaled_jacobian_average = sum / quads.quad_count();
-  if (!done.result.weights) return {};
-  const Asset& asset = job.gathered.surface.asset;
-  std::vector<SurfacePoint> places = quads.source;
-  for (SurfacePoint& place : places) place.face = job.source_face[at(place.face)];
-  Expected<SkinWeights> weights = transfer_weights(asset.mesh, asset.rig->weights, places, options.remesh.influences);
-  if (!weights) return weights.error();
-  done.result.weights = std::move(*weights);
-  return {};
-}
 
 void add_quads(Job& job, const GltfRemeshed& done, Index influences) {
   const QuadMesh& quads = done.result.mesh;
@@ -314,8 +284,6 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
     for (const char kept : shells[s].kept) done.passed_shells += kept ? 0 : 1;
     for (const Index c : shells[s].components.of_face) done.passed_triangles += shells[s].kept[at(c)] ? 0 : 1;
     if (shells[s].keeps_any()) {
-      if (options.snap_seams)
-        if (Status status = gltf::snap(job, options, done, context); !status) return status.error();
       if (context.cancelled()) return cancelled_error("gltf");
       gltf::add_quads(job, done, options.remesh.influences);
       gltf::add_passed(job, shells[s], options.remesh.influences);

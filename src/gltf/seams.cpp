@@ -73,6 +73,7 @@ class Snapper {
       ++figures.edges;
       figures.on_seams += on_seam(a) && on_seam(b);
     }
+    for (const Index sides : sides_) figures.placed.push_back(sides > 0);
     return figures;
   }
 

@@ -9,6 +9,8 @@ namespace quadrig::gltf {
 struct SeamFigures {
   Index edges = 0;     ///< of quads, between two regions
   Index on_seams = 0;  ///< of those, both ends lie on a seam
+  /// A flag a vertex: it has such an edge, and lies where that is best.
+  std::vector<char> placed;
 };
 
 /// Moves the vertices at which two regions of quads meet onto the nearest seam, ends and branches of seams first; those

@@ -2,6 +2,7 @@
 #include "shells.hpp"
 
 #include "quadrig/pipeline/piece.hpp"
+#include "seams.hpp"
 
 namespace quadrig::gltf {
 
@@ -77,6 +78,14 @@ Status remesh_shells(const Gathered& gathered, Shells& shells, double quads, con
     source_face.clear();
     Asset part = kept_part(surface, of, source_face);
     own.quads = count(wanted);
+    if (options.snap_seams)
+      own.before_fit = [&](const TriangleMesh<double>& mesh, QuadMesh& mesh_of_quads) {
+        Regions regions(gathered, mesh, source_face);
+        SeamFigures figures = snap_to_seams(mesh, regions, options.least_at_seams, mesh_of_quads, with);
+        done.seam_edges = figures.edges;
+        done.snapped_edges = figures.on_seams;
+        return std::move(figures.placed);
+      };
     Expected<RemeshResult> result = remesh(part, own, with);
     done.remeshed = std::move(part.mesh);
     return result;

@@ -38,8 +38,13 @@ namespace detail {
 class Fitter {
  public:
   Fitter(const TriangleMesh<double>& mesh, const FitTargets& targets, double crease_angle_radians,
-         const FitOptions& options, QuadMesh& quads)
-      : mesh_(mesh), targets_(targets), options_(options), quads_(quads), before_(quads.positions) {
+         std::vector<char> held, const FitOptions& options, QuadMesh& quads)
+      : mesh_(mesh),
+        targets_(targets),
+        options_(options),
+        quads_(quads),
+        before_(quads.positions),
+        fixed_(std::move(held)) {
     const auto n = at(quads.vertex_count()), m = at(quads.quad_count());
     starts_.assign(n + 1, 0);
     for (Index q = 0; q < quads.quad_count(); ++q)
@@ -50,7 +55,7 @@ class Fitter {
     for (Index q = 0; q < quads.quad_count(); ++q)
       for (int i = 0; i < 4; ++i) incident_[next[at(quads.quads(q, i))]++] = 4 * q + i;
     step_.assign(n, std::numeric_limits<double>::infinity());
-    fixed_.assign(n, 0);
+    fixed_.resize(n, 0);
     hold_creases(crease_angle_radians);
     find_edges();
     color();
@@ -71,18 +76,17 @@ class Fitter {
   }
 
   FitReport run(Context& context) {
-    constexpr double exact = 2e-3;  // of an edge: what strays less need not be bettered
     FitReport report;
     double area = 0;
     for (Index q = 0; q < quads_.quad_count(); ++q) area += area_of(q);
+    if (!(area > 0)) return report;
     const auto rms = [&] {
       double error = 0;
       for (Index q = 0; q < quads_.quad_count(); ++q) error += error_of(q);
       return std::sqrt(error / area);
     };
-    if (!(area > 0)) return report;
     report.before = rms();
-    unit_ = std::max(report.before * report.before, exact * exact * area / static_cast<double>(quads_.quad_count()));
+    set_units();
     for (; report.rounds < options_.rounds && !context.cancelled(); ++report.rounds)
       for (const std::vector<Index>& vertices : colors_)
         context.parallel_for(vertices.size(), 512, [&](std::size_t begin, std::size_t end) {
@@ -116,6 +120,39 @@ class Fitter {
         if (const Index h = 3 * s.face + e; s.barycentric[(e + 2) % 3] < 1e-6 && mesh_.twin(h) != no_index)
           if (dihedral_angle(mesh_, h) > angle) fixed_[at(v)] = 1;
     }
+  }
+
+  /// The mean square error of each component, beside which shape counts.
+  void set_units() {
+    constexpr double exact = 2e-3;  // of an edge: what strays less need not be bettered
+    std::vector<Index> root(centre_.size()), first(middle_.size(), no_index);
+    for (std::size_t q = 0; q < root.size(); ++q) root[q] = static_cast<Index>(q);
+    const auto find = [&](Index q) {
+      while (root[at(q)] != q) q = root[at(q)] = root[at(root[at(q)])];
+      return q;
+    };
+    for (std::size_t side = 0; side < edge_.size(); ++side) {
+      Index& other = first[at(edge_[side])];
+      const auto q = static_cast<Index>(side / 4);
+      if (other == no_index) other = q;
+      const auto [low, high] = std::minmax({find(q), find(other)});  // a list: of values, not of references
+      root[at(high)] = low;
+    }
+    struct Sum {
+      double error = 0, area = 0, quads = 0;
+    };
+    std::vector<Sum> sums(root.size());
+    for (Index q = 0; q < quads_.quad_count(); ++q) {
+      Sum& sum = sums[at(find(q))];
+      sum.error += error_of(q);
+      sum.area += area_of(q);
+      sum.quads += 1;
+    }
+    for (Index q = 0; q < quads_.quad_count(); ++q)
+      if (const Sum& sum = sums[at(find(q))]; sum.area > 0)
+        unit_.push_back(std::max(sum.error / sum.area, exact * exact * sum.area / sum.quads));
+      else
+        unit_.push_back(0);
   }
 
   /// Numbers the edges; vertices of those that have one side stay.
@@ -262,14 +299,16 @@ class Fitter {
         middles[at(side)] = m.off + (side == i || side == (i + 3) % 4 ? m.normal.dot(shift) / 2 : 0);
       }
       const double error = mean_square(c.off + c.normal.dot(shift) / 4, middles) + bending(q);
-      sum += area_of(q) * (weight_[at(q)] * error + unit_ * shape(q));
+      sum += area_of(q) * (weight_[at(q)] * error + unit_[at(q)] * shape(q));
     }
     return sum;
   }
   [[nodiscard]] double measured(Index v) const {
     double sum = 0;
-    for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k)
-      sum += error_of(incident_[k] / 4) + unit_ * area_of(incident_[k] / 4) * shape(incident_[k] / 4);
+    for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k) {
+      const Index q = incident_[k] / 4;
+      sum += error_of(q) + unit_[at(q)] * area_of(q) * shape(q);
+    }
     return sum;
   }
   [[nodiscard]] double least_jacobian(Index v) const {
@@ -352,23 +391,23 @@ class Fitter {
   const FitOptions& options_;
   QuadMesh& quads_;
   const Points<double> before_;
-  double unit_ = 0;  // the mean square error at the beginning
+  std::vector<char> fixed_;
   std::vector<std::size_t> starts_;
   std::vector<Index> incident_;          // sides 4 q + i that begin at each vertex
   std::vector<Index> edge_;              // of each side
   std::vector<Sample> centre_, middle_;  // of each quad, of each edge
+  std::vector<double> unit_;             // of each quad: the mean square error of its component at the beginning
   std::vector<double> weight_;           // of each quad
   std::vector<Vector3> direction_;       // of each quad, or zero
   std::vector<double> step_;             // the last of each vertex
-  std::vector<char> fixed_;
   std::vector<std::vector<Index>> colors_;
 };
 
 }  // namespace detail
 
 QUADRIG_INLINE FitReport fit(const TriangleMesh<double>& mesh, const FitTargets& targets, double crease_angle_radians,
-                             const FitOptions& options, QuadMesh& quads, Context& context) {
-  return detail::Fitter(mesh, targets, crease_angle_radians, options, quads).run(context);
+                             std::vector<char> held, const FitOptions& options, QuadMesh& quads, Context& context) {
+  return detail::Fitter(mesh, targets, crease_angle_radians, std::move(held), options, quads).run(context);
 }
 
 }  // namespace quadrig

@@ -14,7 +14,6 @@ struct RemeshShared {
   const SizingOptions& sizing;
   const SizeField* sizes = nullptr;     ///< null: the field's own magnitudes
   const PosedMetric* metric = nullptr;  ///< null: no posed directions
-  const FitTargets& fit;
 };
 
 struct ComponentResult {

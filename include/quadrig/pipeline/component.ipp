@@ -152,10 +152,6 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
       result.report.reasons.push_back("a quad is inverted where it lies on the surface's own triangles");
       return split();
     }
-    Stopwatch watch;
-    (void)fit(shared.asset.mesh, shared.fit, options.crease_angle_radians, options.fit, found, context);
-    result.seconds.polish += watch.seconds();
-    if (context.cancelled()) return cancelled_error("fit");
     result.report.rung = best->rung;
     result.report.singularities = best->singularities;
     result.field = std::move(best->field);

@@ -186,7 +186,7 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
     if (!(due[c] > 0)) due[c] = std::max(1.0, left * share[c] / rest);
   if (context.cancelled()) return cancelled_error("remesh");
   const detail::RemeshShared shared{
-      asset, connection, options, sizing, sized ? &sizes : nullptr, metric ? &*metric : nullptr, fit_targets};
+      asset, connection, options, sizing, sized ? &sizes : nullptr, metric ? &*metric : nullptr};
   std::vector<std::optional<Expected<detail::ComponentResult>>> parts(faces.size());
   context.progress("remesh", 0.1);
   const auto work = [&](std::size_t begin, std::size_t end) {
@@ -216,9 +216,11 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
   out.quads.resize(quads, 4);
   Index first_vertex = 0, first_quad = 0, largest = -1;
   RemeshReport& report = result.report;
+  std::vector<char> beside(at(vertices), 0);  // of parts that have vertices beside the surface
   for (auto& slot : parts) {
     detail::ComponentResult& part = **slot;
     const Index n = part.mesh.vertex_count(), m = part.mesh.quad_count();
+    if (part.report.rung == Rung::split) std::fill_n(beside.begin() + first_vertex, n, char{1});
     out.positions.middleRows(first_vertex, n) = part.mesh.positions;
     out.quads.middleRows(first_quad, m) = part.mesh.quads.array() + first_vertex;
     out.source.insert(out.source.end(), part.mesh.source.begin(), part.mesh.source.end());
@@ -238,12 +240,23 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
   }
   report.quads = quads;
   report.vertices = vertices;
+  const double gathering = watch.seconds();
+
+  watch = {};
+  std::vector<char> held = options.before_fit ? options.before_fit(mesh, out) : std::vector<char>{};
+  held.resize(at(vertices), 0);
+  for (std::size_t v = 0; v < held.size(); ++v) held[v] = held[v] || beside[v];
+  (void)fit(mesh, fit_targets, options.crease_angle_radians, std::move(held), options.fit, out, context);
+  if (context.cancelled()) return cancelled_error("fit");
+  report.seconds.polish += watch.seconds();
+
+  watch = {};
   if (asset.rig) {
     Expected<SkinWeights> weights = transfer_weights(mesh, asset.rig->weights, out.source, options.influences);
     if (!weights) return weights.error();
     result.weights = std::move(*weights);
   }
-  report.seconds.transfer = watch.seconds();
+  report.seconds.transfer = gathering + watch.seconds();
   double sum = 0;
   report.scaled_jacobian_minimum = 1;
   for (Index q = 0; q < quads; ++q) {
