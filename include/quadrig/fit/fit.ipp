@@ -241,8 +241,8 @@ class Fitter {
     const Vector3 b = (corner(q, 2) + corner(q, 3) - corner(q, 0) - corner(q, 1)) / 2;
     double sum = 0;
     for (int i = 0; i < 4; ++i) {
-      const auto& [m11, m12, m13, m22, m23, m33] = targets_.bending[at(face(q, i))];
-      if (!(m11 + m22 + m33 > 0)) continue;
+      const std::array<double, 6>& moment = targets_.bending[at(face(q, i))];
+      if (!(moment[0] + moment[3] + moment[5] > 0)) continue;
       const Complex u = targets_.connection->to_complex(face(q, i), a),
                     v = targets_.connection->to_complex(face(q, i), b);
       // A form at (x, y) is linear in (xx, xy, yy); the mean of the product of two such is a product with the moments.
@@ -251,8 +251,9 @@ class Fitter {
       };
       const Vector3 aa = at_pair(u, u), bb = at_pair(v, v), ab = at_pair(u, v);
       const auto mean = [&](const Vector3& s, const Vector3& t) {
-        return m11 * s[0] * t[0] + m22 * s[1] * t[1] + m33 * s[2] * t[2] + m12 * (s[0] * t[1] + s[1] * t[0]) +
-               m13 * (s[0] * t[2] + s[2] * t[0]) + m23 * (s[1] * t[2] + s[2] * t[1]);
+        return moment[0] * s[0] * t[0] + moment[3] * s[1] * t[1] + moment[5] * s[2] * t[2] +
+               moment[1] * (s[0] * t[1] + s[1] * t[0]) + moment[2] * (s[0] * t[2] + s[2] * t[0]) +
+               moment[4] * (s[1] * t[2] + s[2] * t[1]);
       };
       sum += (3 * mean(aa, aa) + 3 * mean(bb, bb) + 5 * mean(aa, bb) + 4 * mean(ab, ab)) / 360;
     }
