@@ -34,7 +34,7 @@ class Untangler {
   Untangler(const TriangleMesh<double>& mesh, const CutGraph& cut, const std::vector<Index>& index,
             const std::vector<Aligned>& aligned, const TargetEdges& target, const UntangleOptions& options,
             std::vector<Complex>& z)
-      : mesh_(mesh), cut_(cut), index_(index), aligned_(aligned), target_(target), options_(options), z_(z) {
+      : mesh_(mesh), cut_(cut), index_(index), target_(target), options_(options), z_(z) {
     held_.assign(at(mesh.vertex_count()), 0);
     for (Index v = 0; v < mesh.vertex_count(); ++v)
       if (index[at(v)] != 0 || mesh.outgoing(v) == no_index) held_[at(v)] = 3;
@@ -292,7 +292,6 @@ class Untangler {
   const TriangleMesh<double>& mesh_;
   const CutGraph& cut_;
   const std::vector<Index>& index_;
-  const std::vector<Aligned>& aligned_;
   const TargetEdges& target_;
   const UntangleOptions& options_;
   std::vector<Complex>& z_;
