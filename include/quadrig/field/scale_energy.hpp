@@ -18,14 +18,11 @@ class ScaleEnergy {
 
   /// \param index4 of every vertex. Infinity where the solve fails, or is cancelled.
   [[nodiscard]] double operator()(const std::vector<Index>& index4) {
-    if (!ready_ && !prepare()) return std::numeric_limits<double>::infinity();
-    const std::vector<double> whole = load(index4);
-    std::vector<double> free_load(static_cast<std::size_t>(form_->free_count())), factor(free_load.size());
-    for (std::size_t v = 1, k = 0; v < whole.size(); ++v) free_load[k++] = whole[v];
-    if (SolveInfo info = solver_->solve(free_load, factor, context_); !info.status.ok())
-      return std::numeric_limits<double>::infinity();
+    const std::vector<double> cones = load(index4);
+    std::vector<double> factor;
+    if (!respond(cones, factor)) return std::numeric_limits<double>::infinity();
     double energy = 0;
-    for (std::size_t k = 0; k < factor.size(); ++k) energy += free_load[k] * factor[k];
+    for (std::size_t v = 1; v < factor.size(); ++v) energy += cones[v] * factor[v];
     return energy;
   }
   /// What every vertex is to be flattened by: its curvature less that of its cone.

@@ -83,22 +83,7 @@ class FieldSurgery {
     Index cancelled = 0, singular = 0;
     for (Index v = 0; v < mesh_.vertex_count(); ++v) singular += interior(v) && index(v) != 0;
     const double reach = singular > enough ? std::max(length, crowded) : length;
-    struct Pair {
-      double length;
-      Index plus, minus;
-      bool operator<(const Pair& o) const {
-        return std::tie(length, plus, minus) < std::tie(o.length, o.plus, o.minus);
-      }
-    };
-    std::vector<Pair> pairs;
-    for (Index v = 0; v < mesh_.vertex_count(); ++v)
-      if (interior(v) && index(v) > 0)
-        search({v}, reach, [&](Index w, double d) {
-          if (interior(w) && index(w) < 0) pairs.push_back({d, v, w});
-          return false;
-        });
-    std::sort(pairs.begin(), pairs.end());
-    for (const Pair& pair : pairs) {
+    for (const Pair& pair : opposite_pairs(reach)) {
       if (pair.length >= length && singular <= enough) break;
       if (!(index(pair.plus) > 0 && index(pair.minus) < 0 && cancel(pair.plus, pair.minus))) continue;
       ++cancelled;
@@ -112,20 +97,7 @@ class FieldSurgery {
   /// Returns how many pairs went. \cost a solve a singularity of such a pair, for the closest of them
   Index cancel_needless(double reach, const Context& context) {
     constexpr std::int64_t most_work = 1'000'000;  // solves times vertices
-    struct Pair {
-      double length;
-      Index plus, minus;
-    };
-    std::vector<Pair> pairs;
-    for (Index v = 0; v < mesh_.vertex_count(); ++v)
-      if (interior(v) && index(v) > 0)
-        search({v}, reach, [&](Index w, double d) {
-          if (interior(w) && index(w) < 0) pairs.push_back({d, v, w});
-          return false;
-        });
-    std::sort(pairs.begin(), pairs.end(), [](const Pair& a, const Pair& b) {
-      return std::tie(a.length, a.plus, a.minus) < std::tie(b.length, b.plus, b.minus);
-    });
+    std::vector<Pair> pairs = opposite_pairs(reach);
     // E = ρᵀ G ρ: a cancelled pair adds a dipole to the load ρ, and all that takes is G between singularities.
     std::vector<Index> ends;
     const auto number = [&](Index v) {
@@ -269,6 +241,25 @@ class FieldSurgery {
   [[nodiscard]] const std::string& backend() const { return backend_; }
 
  private:
+  /// Two singularities of opposite sign and the edge path between them.
+  struct Pair {
+    double length;
+    Index plus, minus;
+    bool operator<(const Pair& o) const { return std::tie(length, plus, minus) < std::tie(o.length, o.plus, o.minus); }
+  };
+  /// Those within `reach` of each other, the closest first.
+  [[nodiscard]] std::vector<Pair> opposite_pairs(double reach) {
+    std::vector<Pair> pairs;
+    for (Index v = 0; v < mesh_.vertex_count(); ++v)
+      if (interior(v) && index(v) > 0)
+        search({v}, reach, [&](Index w, double d) {
+          if (interior(w) && index(w) < 0) pairs.push_back({d, v, w});
+          return false;
+        });
+    std::sort(pairs.begin(), pairs.end());
+    return pairs;
+  }
+
   /// Places evenly around an inner vertex for its units, about `spread` away: all of three or more, one of two. None
   /// where there is no room for them.
   std::vector<Index> places(Index v, Index units, double spread) {

@@ -119,7 +119,7 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
           PosedForms::create(mesh, connection, asset.rig->weights, poses, form_options, context);
       if (!forms) return forms.error();
       sizes.forms = std::move(*forms);
-      fit_targets.set_bending(connection, sizes.forms, context);
+      if (options.fit.rounds > 0) fit_targets.set_bending(connection, sizes.forms, context);
     } else {
       sizes.forms = PosedForms::at_rest(mesh, connection);
     }
@@ -244,9 +244,11 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
 
   watch = {};
   std::vector<char> held = options.before_fit ? options.before_fit(mesh, out) : std::vector<char>{};
-  held.resize(at(vertices), 0);
-  for (std::size_t v = 0; v < held.size(); ++v) held[v] = held[v] || beside[v];
-  (void)fit(mesh, fit_targets, options.crease_angle_radians, std::move(held), options.fit, out, context);
+  if (options.fit.rounds > 0) {
+    held.resize(at(vertices), 0);
+    for (std::size_t v = 0; v < held.size(); ++v) held[v] = held[v] || beside[v];
+    (void)fit(mesh, fit_targets, options.crease_angle_radians, std::move(held), options.fit, out, context);
+  }
   if (context.cancelled()) return cancelled_error("fit");
   report.seconds.polish += watch.seconds();
 
