@@ -107,13 +107,13 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
     double longest_edge;  // of the triangles, in quad edges; 0: on a stand-in for the surface
     bool creases;
   };
-  // That many triangles a quad carry a map as well as any number.
-  const auto stand_in_faces = std::max<Index>(4000, static_cast<Index>(20 * quads));
+  // That many triangles a quad carry a map as well as any number; where quads are many, fewer do.
+  const auto stand_in_faces = std::max<Index>(4000, static_cast<Index>(std::min(20 * quads, 40'000 + 4 * quads)));
   std::vector<Attempt> attempts{{0.5, 1.5, true}, {1, 1.0, true}, {1, 0, true}, {2, 0.7, false}, {4, 0, false}};
   bool noise = false;  // edges that no quad will ever see
   for (Index h = 0; h < original.asset.mesh.halfedge_count() && !noise; ++h)
     noise = original.asset.mesh.edge_vector(h).norm() < 1e-5 * edge;
-  if (noise || original.asset.mesh.face_count() > std::max<Index>(20'000, 2 * stand_in_faces))
+  if (noise || original.asset.mesh.face_count() > std::max(20'000.0, 40 * quads))
     attempts.insert(attempts.begin(), {0.5, 0, true});
   const auto split = [&]() -> Expected<ComponentResult> {
     const TriangleMesh<double>& mesh = original.asset.mesh;
@@ -159,26 +159,37 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
     return std::move(result);
   };
   WorkLeft left;
+  // For the maps of all attempts, of which the first and a stand-in are never without: several times what a surface
+  // takes whose first field can be mapped.
+  std::int64_t mapping =
+      1'500'000 + 10 * std::int64_t{stand_in_faces} + 20 * std::int64_t{original.asset.mesh.face_count()};
+  bool dear = false;  // the surface's own triangles took their share: those of a stand-in are left
+  std::optional<Piece> stand_in;
   int flat = 0;  // valid maps whose quads would lie flat in space: another field seldom helps
   static constexpr int max_operations = 3;
   for (const Attempt& attempt : attempts) {
     if (context.cancelled()) return cancelled_error("remesh");
     if (flat > 3 || left.integers <= 0 || (best && ++poor > 1)) break;
+    if (dear && attempt.longest_edge > 0) continue;
     const auto leave = [&](const std::string& reason) {
       result.report.reasons.push_back("smoothing over " + std::to_string(attempt.smoothing).substr(0, 3) +
                                       " quads: " + reason);
     };
     Piece piece;
     if (attempt.longest_edge == 0) {
-      Expected<Piece> made = stand_in_piece(original, stand_in_faces, context);
-      if (!made) {
-        leave("stand-in: " + made.error().message());
-        continue;
+      if (!stand_in) {
+        Expected<Piece> made = stand_in_piece(original, stand_in_faces, context);
+        if (!made) {
+          leave("stand-in: " + made.error().message());
+          continue;
+        }
+        stand_in = std::move(*made);
       }
-      piece = std::move(*made);
+      piece = *stand_in;
     } else {
       piece = original;
-      const auto most = static_cast<Index>(20'000 + std::min(100 * quads, 2e6));  // what is all needles has no end
+      // What is all needles has no end.
+      const auto most = static_cast<Index>(20'000 + std::min({100 * quads, std::max(4e5, 20 * quads), 2e6}));
       if (Status status = refine_piece(piece, attempt.longest_edge * edge, most, context); !status.ok()) {
         leave(status.error().message());
         continue;
@@ -186,6 +197,14 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
       if (std::optional<Refinement> freed = border_freed(piece.asset.mesh)) replace_mesh(piece, std::move(*freed));
     }
     const TriangleMesh<double>& mesh = piece.asset.mesh;
+    // Enough for every scaling of the first attempt's first field where none makes headway, else for one.
+    const bool first = &attempt == attempts.data();
+    const std::int64_t least_share = (first ? 27 : 12) * std::int64_t{mesh.face_count()};
+    if (!first && attempt.longest_edge > 0 && least_share > mapping) {
+      leave("maps on so many triangles would take more work than is left");
+      continue;
+    }
+    const std::int64_t share = std::max(mapping / 2, least_share);
     const TriangleMesh<double>& surface = piece.source.empty() ? mesh : original.asset.mesh;
     const std::vector<Index>& surface_parent = piece.source.empty() ? piece.parent : original.parent;
     std::optional<OntoSurface> projection;
@@ -246,6 +265,7 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
       surgery.cancel_needless(std::min(4 * edge, 0.07 * std::sqrt(area)), context);
     if (context.cancelled()) return cancelled_error("remesh");
 
+    left.mapping = share;
     // The map, and where it fails the field again with the pair of singularities next to the failure cancelled.
     std::size_t troubled = std::numeric_limits<std::size_t>::max();
     for (int operation = 0; operation <= max_operations; ++operation) {
@@ -320,9 +340,15 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
       // Where many triangles are in trouble and fewer pairs do not help, no single pair will.
       const bool hopeless = trouble.size() > 300 || (trouble.size() > 30 && trouble.size() >= troubled);
       troubled = trouble.size();
+      if (left.mapping <= 0) {
+        leave("maps on these triangles have taken their share of the work");
+        break;
+      }
       if (trouble.empty() || hopeless || !surgery.cancel_near(trouble)) break;
       surgery.split_extremes(0.75 * edge, context);
     }
+    mapping -= share - left.mapping;
+    dear = dear || (left.mapping <= 0 && attempt.longest_edge > 0);
   }
 
   return best ? settle() : split();

@@ -21,6 +21,7 @@ inline constexpr int seamless_straightenings = 1, fine_straightenings = 3;
 struct WorkLeft {
   std::int64_t integers = 16'000'000;   ///< nodes searched: quantize
   std::int64_t untangling = 2'000'000;  ///< triangles times steps: untangle
+  std::int64_t mapping = 0;             ///< triangles times solves of seamless maps, of one attempt
 };
 
 /// What the map of one component starts from.
@@ -119,6 +120,7 @@ template <class K>
   };
   std::vector<Tried> candidates;
   for (const auto& [fidelity, largest] : {Scaling{64, 4}, Scaling{4, 4}, Scaling{0.1, 64}}) {
+    if (!candidates.empty() && in.left.mapping <= 0) break;
     target = in.target;
     LogScaleOptions scales;
     scales.fidelity = fidelity;
@@ -128,12 +130,13 @@ template <class K>
     if (!scaled) return scaled.error();
     backends.target = scaled->backend;
     PoissonOptions poisson;
-    poisson.max_iterations = 20;
+    poisson.max_iterations = static_cast<int>(std::clamp<std::int64_t>(in.left.mapping / mesh.face_count(), 8, 20));
     poisson.straightenings = seamless_straightenings;
     poisson.solver = options.solver;
     Expected<PoissonReport> solved = solve_poisson<K>(mesh, *unknowns, in.index, target, poisson, x, z, context);
     if (!solved) return solved.error();
     backends.map = solved->backend;
+    in.left.mapping -= (solved->iterations + std::int64_t{2}) * mesh.face_count();  // two for the sizes
     valid = solved->defects.valid();
     if (valid) break;
     const Index defects = solved->defects.flips + solved->defects.wrong_cones;
