@@ -2,6 +2,7 @@
 #include <filesystem>
 #include <fstream>
 
+#include "corpus/synthetic.hpp"
 #include "gltf_tube.hpp"
 #include "quadrig/c.h"
 #include "quadrig/gltf.hpp"
@@ -106,6 +107,53 @@ TEST_CASE("c: arrays go in and the quads that C++ makes come out", "[c][fast]") 
     const auto row = static_cast<Index>(v);
     CHECK(expected->weights->coeff(row, static_cast<Index>(own_joints[v])) >= 0.5 - 1e-6);
   }
+}
+
+TEST_CASE("c: edges that the caller names become edges of quads", "[c]") {
+  // A box of 6 × 6 × 6 squares, one line around it.
+  const test::Soup box = test::synthetic::cells({{0, 0, 0}}, 6);
+  const Points<double> positions = box.positions();
+  std::vector<std::uint32_t> triangles, edges;
+  for (const auto& face : box.faces)
+    for (std::size_t i = 0; i < 3; ++i) triangles.push_back(static_cast<std::uint32_t>(face[i]));
+  const double height = positions(0, 2) + (positions.col(2).maxCoeff() - positions.col(2).minCoeff()) / 3;
+  const auto on = [&](std::uint32_t v) { return std::abs(positions(static_cast<Index>(v), 2) - height) < 1e-9; };
+  for (std::size_t h = 0; h < triangles.size(); ++h)
+    if (const std::uint32_t a = triangles[h], b = triangles[h % 3 == 2 ? h - 2 : h + 1]; a < b && on(a) && on(b)) {
+      edges.push_back(a);
+      edges.push_back(b);
+    }
+  REQUIRE(edges.size() == 2 * 24);
+  const Handle<quadrig_job> job(quadrig_job_create());
+  quadrig_mesh given;
+  quadrig_mesh_init(&given, sizeof given);
+  given.positions = positions.data();
+  given.vertex_count = static_cast<std::size_t>(positions.rows());
+  given.triangles = triangles.data();
+  given.triangle_count = triangles.size() / 3;
+  quadrig_asset* made = nullptr;
+  REQUIRE(quadrig_asset_create(job.get(), &given, &made) == quadrig_ok);
+  const Handle<quadrig_asset> asset(made);
+  quadrig_options options = options_for(400);
+  options.edges = edges.data();
+  options.edge_count = static_cast<std::uint32_t>(edges.size() / 2);
+  quadrig_quads* result = nullptr;
+  INFO(message_of(job));
+  REQUIRE(quadrig_remesh(job.get(), asset.get(), &options, &result) == quadrig_ok);
+  const Handle<quadrig_quads> quads(result);
+  Points<double> corners(static_cast<Eigen::Index>(quadrig_quads_vertex_count(quads.get())), 3);
+  REQUIRE(quadrig_quads_positions(quads.get(), corners.data(), static_cast<std::size_t>(corners.size())) == quadrig_ok);
+  CHECK(((corners.col(2).array() - height).abs() < 1e-6).count() >= 20);
+
+  quadrig_quads* none = nullptr;
+  edges[0] = static_cast<std::uint32_t>(given.vertex_count);
+  CHECK(quadrig_remesh(job.get(), asset.get(), &options, &none) == quadrig_bad_option);
+  CHECK(message_of(job).find("edge 0") != std::string::npos);
+  options.edges = nullptr;
+  CHECK(quadrig_remesh(job.get(), asset.get(), &options, &none) == quadrig_bad_option);
+  options.edge_count = 0;
+  options.keep = 8;
+  CHECK(quadrig_remesh(job.get(), asset.get(), &options, &none) == quadrig_bad_option);
 }
 
 TEST_CASE("c: what is wrong is a status and a message", "[c][fast]") {

@@ -3,6 +3,7 @@
 #include <bit>
 #include <cstring>
 #include <fstream>
+#include <set>
 
 #include "test.hpp"
 
@@ -94,6 +95,53 @@ TEST_CASE("obj: every form of index is read when a file mixes them", "[io][obj][
   CHECK(mesh->positions.row(1) == Eigen::RowVector3d(1, 0, 0));
   CHECK(std::vector<Index>(mesh->polygon(1).begin(), mesh->polygon(1).end()) == std::vector<Index>{3, 0, 2});
   CHECK(mesh->polygon(2).size() == 4);
+}
+
+TEST_CASE("obj: borders of materials, texture islands and lines are kept when asked for", "[io][obj][fast]") {
+  const ScratchFolder folder("obj");
+  // Four squares in a row; the second border changes the material, the third the texture, the first has a line that
+  // goes on where no edge is. Equal coordinates under another number are no border.
+  const std::string text =
+      "v 0 0 0\nv 1 0 0\nv 2 0 0\nv 3 0 0\nv 4 0 0\nv 0 1 0\nv 1 1 0\nv 2 1 0\nv 3 1 0\nv 4 1 0\n"
+      "vt 0 0\nvt .1 0\nvt .2 0\nvt .3 0\nvt 0 1\nvt .1 1\nvt .2 1\nvt .3 1\nvt .2 0\nvt .5 .5\nvt .5 1\nvt 1 1\n"
+      "usemtl a\nf 1/1 2/2 7/6 6/5\nl 2 7 4\nf 2/2 3/3 8/7 7/6\nusemtl b\nf 3/9 4/4 9/8 8/-6\nf 4/10 5/12 10/12 9/11\n";
+  const AssetFiles files{file(folder, "a.obj", text), {}, {}};
+  const auto at_x = [&](const KeepOptions& keep, std::size_t warnings) {
+    LoadOptions options;
+    options.keep = keep;
+    Context context;
+    const auto loaded = load_asset(files, options, context);
+    REQUIRE(loaded);
+    CHECK(context.warnings.size() == warnings);
+    std::set<double> x;
+    for (const Index h : loaded->features) {
+      const auto& mesh = loaded->asset.mesh;
+      CHECK(mesh.position(mesh.origin(h))[0] == mesh.position(mesh.target(h))[0]);
+      x.insert(mesh.position(mesh.origin(h))[0]);
+    }
+    CHECK(loaded->features.size() == 2 * x.size());
+    return x;
+  };
+  CHECK(at_x({}, 0).empty());
+  CHECK(at_x({.materials = true}, 0) == std::set<double>{2});
+  CHECK(at_x({.textures = true}, 0) == std::set<double>{3});
+  CHECK(at_x({.lines = true}, 0) == std::set<double>{1});
+  CHECK(at_x({.materials = true, .textures = true, .lines = true}, 0) == std::set<double>{1, 2, 3});
+
+  const AssetFiles bare{file(folder, "b.obj", square_obj), {}, {}};
+  LoadOptions options;
+  options.keep = {true, true, true};
+  Context context;
+  const auto loaded = load_asset(bare, options, context);
+  REQUIRE(loaded);
+  CHECK(loaded->features.empty());
+  CHECK(context.warnings.size() == 3);
+
+  // What is broken there breaks no surface.
+  const auto mesh = read(file(folder, "c.obj", std::string(square_obj) + "vt x\nf 1/a 2/9 3/-7\nl 1 77 x 0 2 3\n"));
+  REQUIRE(mesh);
+  CHECK(mesh->texture == std::vector<Index>(7, no_index));
+  CHECK(mesh->lines == std::vector<std::array<Index, 2>>{{1, 2}});
 }
 
 TEST_CASE("obj: a face may name vertices that come later", "[io][obj][fast]") {

@@ -131,6 +131,13 @@ typedef enum quadrig_preset {
   quadrig_preset_static = 2
 } quadrig_preset;
 
+/* Borders that become edges of quads, to be added up. */
+typedef enum quadrig_keep {
+  quadrig_keep_materials = 1, /* glTF: between materials */
+  quadrig_keep_textures = 2,  /* glTF: where texture coordinates or colours part */
+  quadrig_keep_groups = 4     /* where another bone's weight becomes the largest */
+} quadrig_keep;
+
 typedef struct quadrig_options {
   size_t size;            /* bytes of this struct */
   uint32_t quads;         /* wanted: 2000 */
@@ -149,6 +156,10 @@ typedef struct quadrig_options {
   uint32_t source_map;       /* not 0: _SOURCE, see docs/gltf.md */
   uint32_t select_count;     /* entries of `select` */
   const char* const* select; /* names or regular expressions; see docs/gltf.md */
+  /* What quads keep beside creases. */
+  uint32_t keep;         /* of quadrig_keep: 0 */
+  uint32_t edge_count;   /* of an asset that was made from arrays: entries of `edges`, two vertices each */
+  const uint32_t* edges; /* edges of its triangles that become edges of quads */
 } quadrig_options;
 
 QUADRIG_C_API void quadrig_options_init(quadrig_options* options, size_t size);

@@ -57,6 +57,8 @@ struct BasicFieldOptions {
   /// than a fifth of the faces lie beside such edges the surface is coarse or rough, not creased, and none are held.
   std::optional<double> crease_angle_radians{};
   double crease_length = 0.5;
+  /// Half-edges, both of a pair, beside which the cross follows them, whatever they bend.
+  std::vector<Index> features{};
   /// Further terms in x0 and in x1, one unknown a face.
   std::vector<AnyTerm<K>> own_terms_x0{}, own_terms_x1{};
 

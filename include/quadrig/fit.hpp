@@ -3,7 +3,6 @@
 #pragma once
 
 #include "quadrig/closest.hpp"
-#include "quadrig/constraints/features.hpp"
 #include "quadrig/constraints/posed_metric.hpp"
 #include "quadrig/quads.hpp"
 
@@ -40,15 +39,14 @@ struct FitReport {
   int rounds = 0;
 };
 
-/// Moves vertices along the surface, those on a border, on an edge that bends more than `crease_angle_radians`, or in
-/// `held`, not at all. Every vertex stays on the surface and `source` follows; the same bits for any number of threads.
-/// \param held a flag a vertex, or empty: none
-/// \pre quads.source has one point a vertex
-/// \cost O(rounds · quads) closest-point walks: about ten for each vertex and round. \fails never; leaves early, with
+/// Moves vertices along the surface, those on a border or in `held` not at all. Every vertex stays on the surface and
+/// `source` follows; the same bits for any number of threads. \param held a flag a vertex, or empty: none \pre
+/// quads.source has one point a vertex \cost O(rounds · quads) closest-point walks: about ten for each vertex and
+/// round. \fails never; leaves early, with
 ///   sound quads, where it is cancelled.
 [[nodiscard]] QUADRIG_INLINE FitReport fit(const TriangleMesh<double>& mesh, const FitTargets& targets,
-                                           double crease_angle_radians, std::vector<char> held,
-                                           const FitOptions& options, QuadMesh& quads, Context& context);
+                                           std::vector<char> held, const FitOptions& options, QuadMesh& quads,
+                                           Context& context);
 
 }  // namespace quadrig
 

@@ -27,6 +27,9 @@ struct GltfRemeshOptions {
   /// Edges between regions of quads go onto the seams of texture coordinates, colours and materials where no quad's
   /// scaled Jacobian falls below `least_at_seams`, or below what it was.
   bool snap_seams = true;
+  /// Borders of materials (of primitives), and of texture islands and colours, are features of the remesh: edges of
+  /// quads run along them, not only where they happen to lie near.
+  bool keep_materials = false, keep_textures = false;
   double least_at_seams = 0.5;
 };
 

@@ -24,8 +24,8 @@ struct FileLimits {
 // byte, in binary files) where it is not what its format allows: bad numbers, indices out of range, values that are
 // not finite, fewer entries than announced, more than the limits.
 
-/// Wavefront OBJ: v and f in all index forms, relative ones too; what is no surface (texture coordinates, normals,
-/// groups, materials, lines, points) is passed over; curves and free-form surfaces are counted and told as a warning.
+/// Wavefront OBJ: v and f in all index forms, relative ones too, with what vt, usemtl and l tell of them; what is no
+/// surface (normals, groups, points) is passed over; curves and free-form surfaces are counted and told as a warning.
 [[nodiscard]] Expected<PolygonMesh> read_obj(const std::filesystem::path& path, const FileLimits& limits,
                                              Context& context);
 /// Object File Format, ascii: OFF, COFF, NOFF and so on; colours and normals are passed over.
@@ -98,9 +98,18 @@ struct AssetFiles {
   std::filesystem::path mesh, rig, weights;
 };
 
+/// Edges of the surface file that quads must keep.
+struct KeepOptions {
+  bool materials = false;  ///< between faces of different materials
+  bool textures = false;   ///< where the texture coordinates part: the borders of texture islands
+  bool lines = false;      ///< drawn as lines
+  [[nodiscard]] bool any() const { return materials || textures || lines; }
+};
+
 struct LoadOptions {
   PrepareOptions prepare;
   std::optional<BindOptions> bind = std::nullopt;  ///< how to make the weights of a rig that comes without
+  KeepOptions keep;
   FileLimits limits;
 };
 
@@ -108,10 +117,12 @@ struct LoadedAsset {
   Asset asset;
   std::vector<Index> source_vertex;   ///< vertex of the mesh file, from 0, that each vertex stands for
   std::vector<Index> source_polygon;  ///< polygon of the mesh file, from 0, that each face is part of
+  std::vector<Index> features;        ///< half-edges that LoadOptions::keep asked for, both of a pair, ascending
   PrepareReport report;
 };
 
-/// Reads, checks and mends an asset; what was mended is told to `context` as warnings.
+/// Reads, checks and mends an asset; what was mended, and what was to be kept and is not there, is told to `context` as
+/// warnings.
 /// \fails as the readers and `prepare` do; bad_input where the counts of two files differ: names both files.
 [[nodiscard]] Expected<LoadedAsset> load_asset(const AssetFiles& files, const LoadOptions& options, Context& context);
 

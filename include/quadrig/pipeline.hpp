@@ -30,13 +30,19 @@ struct RemeshOptions {
   double bend_degrees = 60;
   double count_tolerance = 0.05;
   Index influences = 4;  ///< most skin weights a vertex of the quads keeps
-  /// Edges that bend more than this become edges of quads, radians; π: none.
+  /// Edges that bend more than this become edges of quads, radians, where they run on; π: none.
   double crease_angle_radians = 3.14159265358979323846;
+  /// Half-edges of the asset's mesh, one of a pair is enough, that become edges of quads: borders of materials or
+  /// texture islands (`label_borders`), whatever the caller wants to find again.
+  std::vector<Index> features;
+  /// Where another vertex group gets the largest weight, the border becomes edges of quads too.
+  bool group_borders = false;
   PolishOptions polish;
   FitOptions fit;
-  /// Called with all quads before they are fitted to the surface (the asset's mesh); may move vertices along it, and
-  /// returns those that the fit leaves in place, a flag each, or nothing.
-  std::function<std::vector<char>(const TriangleMesh<double>&, QuadMesh&)> before_fit;
+  /// Called with all quads before they are fitted to the surface (the asset's mesh) and with a flag a vertex for those
+  /// on kept edges; may move the others along the surface, and returns those that the fit leaves in place beside them,
+  /// a flag each, or nothing.
+  std::function<std::vector<char>(const TriangleMesh<double>&, const std::vector<char>&, QuadMesh&)> before_fit;
   SolverChoice solver{};  ///< of every stage
 
   /// \fails bad_option, naming the field
@@ -60,6 +66,8 @@ struct ComponentReport {
   Index quads = 0, irregular = 0;
   Index singularities = 0;
   Rung rung = Rung::fine_map;
+  double kept_length = 0;            ///< of creases and features, units of the mesh
+  double kept_as_quads = 0;          ///< of these, how much edges of quads run along
   std::vector<std::string> reasons;  ///< why earlier rungs and attempts were left
 };
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "quadrig/closest.hpp"
+#include "quadrig/curves.hpp"
 #include "quadrig/quads.hpp"
 
 namespace quadrig {
@@ -19,12 +20,13 @@ struct PolishReport {
   int rounds = 0;
 };
 
-/// Moves vertices along the source surface; border vertices along the border, its corners not at all. Every vertex
-/// stays on the surface and `source` follows.
+/// Moves vertices along the source surface; border vertices along the border, those on kept edges along these, corners
+/// of either not at all. Every vertex stays on the surface and `source` follows.
+/// \param kept marks of the mesh, or empty: none
 /// \pre quads.source has one point a vertex; border vertices lie on the border of the mesh
 /// \cost O(rounds · quads) closest-point walks. Source: shape projection (Bouaziz et al. 2012) onto rectangles.
 [[nodiscard]] QUADRIG_INLINE PolishReport polish(const TriangleMesh<double>& mesh, const PolishOptions& options,
-                                                 QuadMesh& quads, Context& context);
+                                                 QuadMesh& quads, Context& context, const EdgeMarks& kept = {});
 
 }  // namespace quadrig
 

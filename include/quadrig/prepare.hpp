@@ -20,6 +20,11 @@ struct PolygonMesh {
   std::vector<Index> corners;       ///< the vertices of all polygons, one polygon after another
   std::vector<Index> first_corner;  ///< p + 1 entries: polygon i has corners [first_corner[i], first_corner[i + 1])
 
+  // What some files tell beside the surface; empty where they do not.
+  std::vector<Index> material;              ///< p, a number for each name
+  std::vector<Index> texture;               ///< one a corner: alike where the texture coordinates are; no_index: none
+  std::vector<std::array<Index, 2>> lines;  ///< vertices that a line is drawn between
+
   [[nodiscard]] Index vertex_count() const { return static_cast<Index>(positions.rows()); }
   [[nodiscard]] Index polygon_count() const {
     return first_corner.empty() ? 0 : static_cast<Index>(first_corner.size()) - 1;

@@ -30,6 +30,8 @@ Expected<quadrig_status> remesh_document(quadrig_job* job, GltfDocument& documen
   own.prepare.strict = options->strict != 0;
   own.pose_source = options->clips ? GltfPoses::clips : GltfPoses::bends;
   own.source_map = options->source_map != 0;
+  own.keep_materials = (options->keep & quadrig_keep_materials) != 0;
+  own.keep_textures = (options->keep & quadrig_keep_textures) != 0;
   own.selection.unskinned = options->unskinned != 0;
   for (std::uint32_t i = 0; i < options->select_count; ++i) {
     if (!options->select || !options->select[i]) return c::null_argument("options.select");

@@ -51,6 +51,9 @@ Expected<RemeshOptions> remesh_options(const quadrig_options& options) {
   if (options.bones >= 0) result.directions.bones = options.bones;
   if (options.curvature >= 0) result.directions.curvature = options.curvature;
   result.directions.posed = options.posed;
+  if (options.keep > (quadrig_keep_materials | quadrig_keep_textures | quadrig_keep_groups))
+    return Error{ErrorCode::bad_option, "has a bit that there is none of", "options.keep", "add up quadrig_keep_…"};
+  result.group_borders = (options.keep & quadrig_keep_groups) != 0;
   if (Status status = result.validate(); !status) return status.error();
   return result;
 }

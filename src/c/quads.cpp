@@ -1,4 +1,5 @@
 // Remeshing, and the quads into the caller's arrays.
+#include "io/keep.hpp"
 #include "memory.hpp"
 #include "quadrig/closest.hpp"
 
@@ -29,6 +30,26 @@ void find_sources(const quadrig_asset& asset, quadrig_quads& quads) {
   }
 }
 
+/// Half-edges of the asset's mesh for edges in the caller's vertices. \fails bad_option
+Expected<std::vector<Index>> edges_to_keep(const quadrig_asset& asset, const quadrig_options& options,
+                                           Context& context) {
+  if (options.edge_count == 0) return std::vector<Index>{};
+  if (!options.edges) return c::null_argument("options.edges");
+  if (asset.triangles.rows() == 0)
+    return Error{ErrorCode::bad_option, "are for assets made from arrays", "options.edges", "leave them out"};
+  PolygonMesh given = PolygonMesh::from_triangles(asset.positions, asset.triangles);
+  for (std::uint32_t e = 0; e < options.edge_count; ++e) {
+    const std::uint32_t a = options.edges[2 * std::size_t{e}], b = options.edges[2 * std::size_t{e} + 1];
+    if (std::max(a, b) >= static_cast<std::uint32_t>(given.vertex_count()))
+      return Error{ErrorCode::bad_option, "edge " + std::to_string(e) + " has a vertex that does not exist",
+                   "options.edges", "count vertices from 0"};
+    given.lines.push_back({static_cast<Index>(a), static_cast<Index>(b)});
+  }
+  KeepOptions keep;
+  keep.lines = true;
+  return io::kept_halfedges(given, asset.asset->mesh, asset.source_polygon, keep, "options.edges", context);
+}
+
 template <class Out, class Value>
 quadrig_status put(const quadrig_quads* quads, Out* out, std::size_t capacity, std::size_t count, Value value) {
   if (!quads || (!out && count > 0)) return quadrig_bad_option;
@@ -49,8 +70,11 @@ quadrig_status quadrig_remesh(quadrig_job* job, const quadrig_asset* asset, cons
     if (!quads) return c::null_argument("quads");
     const Expected<quadrig_options> own = c::read_options(options);
     if (!own) return own.error();
-    const Expected<RemeshOptions> wanted = c::remesh_options(*own);
+    Expected<RemeshOptions> wanted = c::remesh_options(*own);
     if (!wanted) return wanted.error();
+    Expected<std::vector<Index>> features = edges_to_keep(*asset, *own, context);
+    if (!features) return features.error();
+    wanted->features = std::move(*features);
     const double bones = asset->asset->rig ? asset->asset->rig->skeleton.bone_count() : 0;
     const double bytes = c::remesh_bytes(asset->asset->mesh.face_count(), bones, wanted->quads);
     if (const quadrig_status fits = c::within_limit(job, bytes, "ask for fewer quads, or raise the limit")) return fits;

@@ -17,6 +17,10 @@ struct Options {
   std::vector<Index> quads;
   GltfSelection selection;
   bool source_map = false, seams = true;
+  std::vector<std::string> keep;
+  [[nodiscard]] bool keeps(std::string_view what) const {
+    return std::find(keep.begin(), keep.end(), what) != keep.end();
+  }
 };
 
 Json options_json(const Options& o) {
@@ -37,6 +41,7 @@ Json options_json(const Options& o) {
     json["sizing"] = nullptr;
   json["bend_degrees"] = o.remesh.bend_degrees;
   json["crease_degrees"] = o.crease_degrees > 0 ? Json(o.crease_degrees) : Json(nullptr);
+  json["keep"] = o.keep;
   json["fit"] = o.remesh.fit.rounds > 0;
   json["influences"] = o.remesh.influences;
   json["count_tolerance"] = o.remesh.count_tolerance;
@@ -86,6 +91,10 @@ Status remesh_files(Options options, Session& session) {
     options.remesh.sizing = options.sizing;
   }
   if (options.crease_degrees > 0) options.remesh.crease_angle_radians = options.crease_degrees * std::numbers::pi / 180;
+  options.remesh.group_borders = options.keeps("groups");
+  options.input.load.keep = {options.keeps("materials"), options.keeps("textures"), options.keeps("lines")};
+  if (gltf && options.keeps("lines"))
+    return Error{ErrorCode::bad_option, "--keep lines is for OBJ files", input.files.mesh.string(), "leave it out"};
   if (Status status = options.remesh.validate(); !status) return status;
 
   if (gltf) {
@@ -101,6 +110,8 @@ Status remesh_files(Options options, Session& session) {
     job.options.pose_source = options.poses == "clips" ? GltfPoses::clips : GltfPoses::bends;
     job.options.source_map = options.source_map;
     job.options.snap_seams = options.seams;
+    job.options.keep_materials = options.keeps("materials");
+    job.options.keep_textures = options.keeps("textures");
     job.options_json = options_json(options);
     return remesh_gltf_file(job, session);
   }
@@ -109,6 +120,7 @@ Status remesh_files(Options options, Session& session) {
   const Expected<LoadedAsset> loaded = load(input, session);
   if (!loaded) return loaded.error();
   const double read_seconds = watch.seconds();
+  options.remesh.features = loaded->features;
   const Expected<RemeshResult> result = remesh(loaded->asset, options.remesh, session.context);
   if (!result) return result.error();
   const RemeshReport& r = result->report;
@@ -152,6 +164,8 @@ void add_remesh_figures(Json& report, const RemeshReport& r, double read_seconds
                                     {"irregular", c.irregular},
                                     {"singularities", c.singularities},
                                     {"rung", rung_name(c.rung)},
+                                    {"kept_length", c.kept_length},
+                                    {"kept_as_quads", c.kept_as_quads},
                                     {"reasons", c.reasons}});
   report["field"] = {{"preset", field_preset_name(r.field.preset)},
                      {"singularities_plus", r.field.singularities_plus},
@@ -200,6 +214,13 @@ void add_remesh(CLI::App& app, Run& run) {
   verb->add_option("--creases", options->crease_degrees, "Edges that bend more than this stay edges, degrees")
       ->check(CLI::Range(0.0, 180.0))
       ->type_name("ANGLE");
+  verb->add_option("--keep", options->keep,
+                   "Borders that become edges of quads: of materials, of texture islands, of the vertex groups of the "
+                   "rig (where another bone's weight becomes the largest), and what the OBJ draws as lines")
+      ->delimiter(',')
+      ->check(CLI::IsMember({"materials", "textures", "groups", "lines"}))
+      ->allow_extra_args(false)
+      ->type_name("materials|textures|groups|lines[,…]");
   verb->add_flag_callback(
       "--no-fit", [&remesh] { remesh.fit.rounds = 0; },
       "Leave vertices where quads are most even, not where they come closest to the surface");
@@ -273,6 +294,7 @@ void add_remesh(CLI::App& app, Run& run) {
   quadrig remesh crate.glb --quads 500 --select 'Crate.*' -o quads.glb
   quadrig remesh bunny.off --quads 5000 -o quads.obj --report report.json
   quadrig remesh fandisk.off --quads 3000 --creases 40 -o quads.obj
+  quadrig remesh crate.obj --quads 3000 --keep materials,textures -o quads.obj
   quadrig remesh arm.obj --rig arm.tgf --weights arm.dmat --quads 2000 --density posed --joint-weight 8 -o quads.obj
 
 On an error nothing is written, the reason is one line, and the exit code tells its kind: see quadrig --help.)");

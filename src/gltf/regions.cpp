@@ -44,6 +44,11 @@ bool Regions::any_seam() const {
   return false;
 }
 
+bool Regions::parts_primitives(Index halfedge) const {
+  const auto primitive_of = [&](Index h) { return gathered_.surface.source_primitive[at(source_face_[at(h / 3)])]; };
+  return is_seam(halfedge) && primitive_of(halfedge) != primitive_of(mesh_.twin(halfedge));
+}
+
 bool Regions::alike(const Eigen::VectorXd& a, const Eigen::VectorXd& b) const {
   for (const Eigen::Index k : seam_columns_)
     if (!(std::abs(a[k] - b[k]) <= 1e-5)) return false;

@@ -28,6 +28,8 @@ class Regions {
   /// Between two faces; the border of the surface is none.
   [[nodiscard]] bool is_seam(Index halfedge) const { return seam_[at(halfedge)] && mesh_.twin(halfedge) != no_index; }
   [[nodiscard]] bool any_seam() const;
+  /// A seam at which the primitive changes.
+  [[nodiscard]] bool parts_primitives(Index halfedge) const;
   /// Whether two rows are the same in all columns that make seams.
   [[nodiscard]] bool alike(const Eigen::VectorXd& a, const Eigen::VectorXd& b) const;
 

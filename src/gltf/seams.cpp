@@ -29,8 +29,14 @@ class Snapper {
   static constexpr int sweeps = 4, rings_that_give_way = 1;
 
  public:
-  Snapper(const TriangleMesh<double>& mesh, Regions& regions, double least, QuadMesh& quads)
-      : mesh_(mesh), regions_(regions), least_(least), quads_(quads), reached_in_(at(mesh.face_count()), 0) {
+  Snapper(const TriangleMesh<double>& mesh, Regions& regions, double least, const std::vector<char>& held,
+          QuadMesh& quads)
+      : mesh_(mesh),
+        regions_(regions),
+        least_(least),
+        held_(held),
+        quads_(quads),
+        reached_in_(at(mesh.face_count()), 0) {
     starts_.assign(at(quads.vertex_count()) + 1, 0);
     for (Index q = 0; q < quads.quad_count(); ++q)
       for (int i = 0; i < 4; ++i) ++starts_[at(quads.quads(q, i)) + 1];
@@ -168,6 +174,7 @@ class Snapper {
   }
   /// Moves the vertex where that costs less and no quad becomes worse than `least_` or than it was.
   bool put(Index v, const SurfaceHit& place) {
+    if (held_[at(v)]) return false;
     double was = 0, is = 0;
     const double before = shape_cost(v, was) + fit_cost(v) - worth_while;
     const Vector3 position = point(v);
@@ -284,6 +291,7 @@ class Snapper {
   const TriangleMesh<double>& mesh_;
   Regions& regions_;
   double least_;
+  const std::vector<char>& held_;
   QuadMesh& quads_;
   std::vector<std::size_t> starts_;
   std::vector<Index> around_;  // quads of each vertex
@@ -301,10 +309,10 @@ class Snapper {
 
 }  // namespace
 
-SeamFigures snap_to_seams(const TriangleMesh<double>& mesh, Regions& regions, double least, QuadMesh& quads,
-                          const Context& context) {
+SeamFigures snap_to_seams(const TriangleMesh<double>& mesh, Regions& regions, double least,
+                          const std::vector<char>& held, QuadMesh& quads, const Context& context) {
   if (!regions.any_seam()) return {};
-  return Snapper(mesh, regions, least, quads).run(context);
+  return Snapper(mesh, regions, least, held, quads).run(context);
 }
 
 }  // namespace quadrig::gltf

@@ -78,10 +78,17 @@ Status remesh_shells(const Gathered& gathered, Shells& shells, double quads, con
     source_face.clear();
     Asset part = kept_part(surface, of, source_face);
     own.quads = count(wanted);
+    if (options.keep_materials || options.keep_textures) {
+      const Regions regions(gathered, part.mesh, source_face);
+      own.features.clear();
+      for (Index h = 0; h < part.mesh.halfedge_count(); ++h)
+        if (regions.parts_primitives(h) ? options.keep_materials : options.keep_textures && regions.is_seam(h))
+          own.features.push_back(h);
+    }
     if (options.snap_seams)
-      own.before_fit = [&](const TriangleMesh<double>& mesh, QuadMesh& mesh_of_quads) {
+      own.before_fit = [&](const TriangleMesh<double>& mesh, const std::vector<char>& held, QuadMesh& mesh_of_quads) {
         Regions regions(gathered, mesh, source_face);
-        SeamFigures figures = snap_to_seams(mesh, regions, options.least_at_seams, mesh_of_quads, with);
+        SeamFigures figures = snap_to_seams(mesh, regions, options.least_at_seams, held, mesh_of_quads, with);
         done.seam_edges = figures.edges;
         done.snapped_edges = figures.on_seams;
         return std::move(figures.placed);

@@ -1,4 +1,5 @@
 // An asset from its files.
+#include "keep.hpp"
 #include "scan.hpp"
 
 namespace quadrig {
@@ -75,6 +76,9 @@ Expected<LoadedAsset> load_asset(const AssetFiles& files, const LoadOptions& opt
   loaded.source_vertex = std::move(prepared->source_vertex);
   loaded.source_polygon = std::move(prepared->source_polygon);
   loaded.report = prepared->report;
+  if (options.keep.any())
+    loaded.features =
+        io::kept_halfedges(*polygons, loaded.asset.mesh, loaded.source_polygon, options.keep, files.mesh, context);
   return loaded;
 }
 

@@ -1,5 +1,7 @@
 // Wavefront OBJ. A parser of our own: it is smaller than a wrapper that would give another's errors a line, and the
 // readers in packages pass over broken numbers without a word.
+#include <map>
+
 #include "scan.hpp"
 
 namespace quadrig {
@@ -8,9 +10,9 @@ namespace {
 using io::at_line;
 using io::shown;
 
-constexpr std::string_view surface_free[] = {
-    "vt",     "vn",     "vp",     "l",     "p",        "g",        "o",   "s",          "mg",       "usemtl",
-    "mtllib", "usemap", "maplib", "bevel", "c_interp", "d_interp", "lod", "shadow_obj", "trace_obj"};
+constexpr std::string_view surface_free[] = {"vn",       "vp",     "p",          "g",        "o",     "s",
+                                             "mg",       "mtllib", "usemap",     "maplib",   "bevel", "c_interp",
+                                             "d_interp", "lod",    "shadow_obj", "trace_obj"};
 
 /// A line with its continuations by a backslash joined.
 class Lines {
@@ -31,6 +33,43 @@ class Lines {
   io::Cursor cursor_;
 };
 
+/// Texture coordinates of corners, by the number of the first that is the same.
+class TextureNumbers {
+ public:
+  void add(double u, double v) { coordinates_.push_back({u, v}); }
+  [[nodiscard]] std::int64_t count() const { return static_cast<std::int64_t>(coordinates_.size()); }
+  [[nodiscard]] bool empty() const { return coordinates_.empty(); }
+  /// In the place of each number that of the first with the same coordinates; of numbers that do not exist, none.
+  void unite(std::vector<Index>& numbers) const {
+    std::vector<Index> order(coordinates_.size()), first(coordinates_.size());
+    for (std::size_t k = 0; k < order.size(); ++k) order[k] = static_cast<Index>(k);
+    const auto of = [&](Index k) { return coordinates_[static_cast<std::size_t>(k)]; };
+    std::stable_sort(order.begin(), order.end(), [&](Index a, Index b) { return of(a) < of(b); });
+    for (std::size_t k = 0; k < order.size(); ++k)
+      first[static_cast<std::size_t>(order[k])] =
+          k > 0 && of(order[k - 1]) == of(order[k]) ? first[static_cast<std::size_t>(order[k - 1])] : order[k];
+    for (Index& number : numbers)
+      number = number >= 0 && number < count() ? first[static_cast<std::size_t>(number)] : no_index;
+  }
+
+ private:
+  std::vector<std::array<double, 2>> coordinates_;
+};
+
+/// A number of an OBJ statement, counted from 1 or back from −1, as one from 0. Negative where it is none.
+std::int64_t from_zero(std::int64_t number, std::int64_t so_far) { return number > 0 ? number - 1 : so_far + number; }
+
+/// Of v/vt or v/vt/vn; no_index where there is none.
+Index texture_of(std::string_view corner, std::int64_t so_far) {
+  const std::size_t slash = corner.find('/');
+  if (slash == std::string_view::npos) return no_index;
+  const std::string_view rest = corner.substr(slash + 1);
+  std::int64_t number = 0;
+  if (!io::to_integer(rest.substr(0, rest.find('/')), number) || number == 0) return no_index;
+  const std::int64_t texture = from_zero(number, so_far);
+  return texture >= 0 && texture < std::numeric_limits<Index>::max() ? static_cast<Index>(texture) : no_index;
+}
+
 }  // namespace
 
 Expected<PolygonMesh> read_obj(const std::filesystem::path& path, const FileLimits& limits, Context& context) {
@@ -40,11 +79,14 @@ Expected<PolygonMesh> read_obj(const std::filesystem::path& path, const FileLimi
   PolygonMesh mesh;
   std::vector<double> coordinates;
   std::vector<std::size_t> face_line;
-  std::vector<Index> polygon;
+  std::vector<Index> polygon, corner_textures;
   mesh.first_corner.push_back(0);
   Index unknown = 0, free_form = 0;
   std::size_t unknown_line = 0;
   std::string unknown_word;
+  TextureNumbers textures;
+  std::map<std::string, Index, std::less<>> materials;
+  Index material = 0;
   Lines lines(*text);
   do {
     const std::string_view keyword = lines.word();
@@ -65,22 +107,47 @@ Expected<PolygonMesh> read_obj(const std::filesystem::path& path, const FileLimi
     } else if (keyword == "f" || keyword == "fo") {
       const auto so_far = static_cast<std::int64_t>(coordinates.size() / 3);
       polygon.clear();
+      corner_textures.clear();
       for (std::string_view word = lines.word(); !word.empty(); word = lines.word()) {
         std::int64_t number = 0;
         if (!io::to_integer(word.substr(0, word.find('/')), number))
           return at_line(path, line, shown(word) + " is not a vertex number", "write v, v/vt, v//vn or v/vt/vn");
-        const std::int64_t vertex = number > 0 ? number - 1 : so_far + number;
+        const std::int64_t vertex = from_zero(number, so_far);
         if (number == 0 || vertex < 0 || vertex >= std::numeric_limits<Index>::max())
           return at_line(path, line, "vertex number " + std::to_string(number) + " does not exist",
                          "count vertices from 1, or back from -1");
         polygon.push_back(static_cast<Index>(vertex));
+        corner_textures.push_back(texture_of(word, textures.count()));
       }
       if (polygon.size() < 3)
         return at_line(path, line, "a face of " + std::to_string(polygon.size()) + " corners", "give it three or more");
       if (mesh.corners.size() + polygon.size() >= (std::size_t{1} << 31) || mesh.polygon_count() >= limits.polygons)
         return at_line(path, line, "too many faces", "use a smaller mesh");
       mesh.add_polygon(polygon);
+      mesh.material.push_back(material);
+      mesh.texture.insert(mesh.texture.end(), corner_textures.begin(), corner_textures.end());
       face_line.push_back(line);
+    } else if (keyword == "vt") {
+      const auto coordinate = [&] {
+        double value = 0;
+        return io::to_number(lines.word(), value) && std::isfinite(value) ? value : 0;
+      };
+      const double u = coordinate();
+      textures.add(u, coordinate());
+    } else if (keyword == "usemtl") {
+      material =
+          materials.try_emplace(std::string(lines.word()), static_cast<Index>(materials.size()) + 1).first->second;
+    } else if (keyword == "l") {
+      const auto so_far = static_cast<std::int64_t>(coordinates.size() / 3);
+      Index before = no_index;
+      for (std::string_view word = lines.word(); !word.empty(); word = lines.word()) {
+        std::int64_t number = 0;
+        const bool sound = io::to_integer(word.substr(0, word.find('/')), number) && number != 0;
+        const std::int64_t vertex = sound ? from_zero(number, so_far) : -1;
+        const bool there = vertex >= 0 && vertex < std::numeric_limits<Index>::max();
+        if (there && before != no_index) mesh.lines.push_back({before, static_cast<Index>(vertex)});
+        before = there ? static_cast<Index>(vertex) : no_index;
+      }
     } else if (std::find(std::begin(surface_free), std::end(surface_free), keyword) == std::end(surface_free)) {
       const bool plain =
           keyword.size() <= 16 &&
@@ -110,6 +177,13 @@ Expected<PolygonMesh> read_obj(const std::filesystem::path& path, const FileLimi
                            std::to_string(mesh.vertex_count()),
                        "check that the file is complete");
   if (mesh.polygon_count() == 0) return io::in_file(path, "has no faces", "give a surface");
+  if (materials.empty()) mesh.material.clear();
+  if (textures.empty())
+    mesh.texture.clear();
+  else
+    textures.unite(mesh.texture);
+  std::erase_if(mesh.lines,
+                [&](const std::array<Index, 2>& line) { return std::max(line[0], line[1]) >= mesh.vertex_count(); });
   if (free_form > 0)
     context.warn("read", path.string() + ": " + std::to_string(free_form) + " free-form curves or surfaces left out");
   if (unknown > 0)

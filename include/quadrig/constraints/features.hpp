@@ -1,6 +1,8 @@
 // Directions that a field must have: along borders and creases.
 #pragma once
 
+#include <span>
+
 #include "quadrig/constraints/targets.hpp"
 
 namespace quadrig {
@@ -49,6 +51,18 @@ template <class Scalar>
 [[nodiscard]] std::vector<Index> crease_halfedges(const TriangleMesh<Scalar>& mesh, double limit_radians) {
   const auto any = [](Index) { return 0.0; };
   return crease_halfedges(mesh, limit_radians, function_ref<double(Index)>(any));
+}
+
+/// Half-edges, both of a pair, between faces of different labels: materials, regions, groups. Ascending.
+/// \param label one a face \cost O(m)
+template <class Scalar>
+[[nodiscard]] std::vector<Index> label_borders(const TriangleMesh<Scalar>& mesh, std::span<const Index> label) {
+  std::vector<Index> borders;
+  for (Index h = 0; h < mesh.halfedge_count(); ++h)
+    if (const Index g = mesh.twin(h);
+        g != no_index && label[static_cast<std::size_t>(h / 3)] != label[static_cast<std::size_t>(g / 3)])
+      borders.push_back(h);
+  return borders;
 }
 
 template <class Scalar>

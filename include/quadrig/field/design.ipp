@@ -381,7 +381,7 @@ Expected<FieldResult> design_smooth_field(const FieldProblem<Scalar>& problem, c
   if (options.targets) add_targets(targets, *options.targets, 1);
   if (context.cancelled()) return cancelled_error("field");
 
-  // Given directions first, then borders, then creases: a face keeps the first it gets.
+  // Given directions first, then borders, features, and creases: a face keeps the first it gets.
   std::vector<char> held(m, 0);
   std::vector<typename BasicFieldSystem<Scalar>::Fixed> fixed0, fixed1;
   const auto hold = [&](const std::vector<FixedDirection>& directions) {
@@ -393,6 +393,7 @@ Expected<FieldResult> design_smooth_field(const FieldProblem<Scalar>& problem, c
   };
   hold(options.fixed);
   if (options.follow_boundary) hold(directions_along(mesh, connection, boundary_halfedges(mesh)));
+  if (!options.features.empty()) hold(directions_along(mesh, connection, options.features));
   if (const double limit = options.crease_angle_radians.value_or(flat ? 0.7 : std::numbers::pi);
       limit < std::numbers::pi) {
     const auto least_length = [&](Index f) {

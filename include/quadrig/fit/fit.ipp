@@ -37,8 +37,8 @@ namespace detail {
 
 class Fitter {
  public:
-  Fitter(const TriangleMesh<double>& mesh, const FitTargets& targets, double crease_angle_radians,
-         std::vector<char> held, const FitOptions& options, QuadMesh& quads)
+  Fitter(const TriangleMesh<double>& mesh, const FitTargets& targets, std::vector<char> held, const FitOptions& options,
+         QuadMesh& quads)
       : mesh_(mesh),
         targets_(targets),
         options_(options),
@@ -56,7 +56,8 @@ class Fitter {
       for (int i = 0; i < 4; ++i) incident_[next[at(quads.quads(q, i))]++] = 4 * q + i;
     step_.assign(n, std::numeric_limits<double>::infinity());
     fixed_.resize(n, 0);
-    hold_creases(crease_angle_radians);
+    for (std::size_t v = 0; v < n; ++v)
+      if (starts_[v] == starts_[v + 1]) fixed_[v] = 1;  // of no quad
     find_edges();
     color();
 
@@ -110,17 +111,6 @@ class Fitter {
     double off = 0;
   };
   using Scratch = std::vector<Sample>;
-
-  /// Vertices on creases stay, as do those that have no quad.
-  void hold_creases(double angle) {
-    for (Index v = 0; v < quads_.vertex_count(); ++v) {
-      if (starts_[at(v)] == starts_[at(v) + 1]) fixed_[at(v)] = 1;
-      const SurfacePoint& s = quads_.source[at(v)];
-      for (int e = 0; angle < 3.14 && e < 3; ++e)
-        if (const Index h = 3 * s.face + e; s.barycentric[(e + 2) % 3] < 1e-6 && mesh_.twin(h) != no_index)
-          if (dihedral_angle(mesh_, h) > angle) fixed_[at(v)] = 1;
-    }
-  }
 
   /// The mean square error of each component, beside which shape counts.
   void set_units() {
@@ -406,9 +396,9 @@ class Fitter {
 
 }  // namespace detail
 
-QUADRIG_INLINE FitReport fit(const TriangleMesh<double>& mesh, const FitTargets& targets, double crease_angle_radians,
-                             std::vector<char> held, const FitOptions& options, QuadMesh& quads, Context& context) {
-  return detail::Fitter(mesh, targets, crease_angle_radians, std::move(held), options, quads).run(context);
+QUADRIG_INLINE FitReport fit(const TriangleMesh<double>& mesh, const FitTargets& targets, std::vector<char> held,
+                             const FitOptions& options, QuadMesh& quads, Context& context) {
+  return detail::Fitter(mesh, targets, std::move(held), options, quads).run(context);
 }
 
 }  // namespace quadrig

@@ -14,10 +14,12 @@ struct RemeshShared {
   const SizingOptions& sizing;
   const SizeField* sizes = nullptr;     ///< null: the field's own magnitudes
   const PosedMetric* metric = nullptr;  ///< null: no posed directions
+  const EdgeMarks& kept;                ///< of the asset's mesh
 };
 
 struct ComponentResult {
-  QuadMesh mesh;  ///< `source` refers to the asset's mesh
+  QuadMesh mesh;           ///< `source` refers to the asset's mesh
+  std::vector<char> held;  ///< vertices on kept edges; empty: none
   ComponentReport report;
   StageSeconds seconds;
   FieldReport field;

@@ -2,6 +2,7 @@
 
 #include "quadrig/field/surgery.hpp"
 #include "quadrig/pipeline/component.hpp"
+#include "quadrig/pipeline/features.hpp"
 #include "quadrig/pipeline/map_stage.hpp"
 #include "quadrig/pipeline/piece.hpp"
 #include "quadrig/simplify.hpp"
@@ -16,35 +17,96 @@ inline SurfacePoint point_in_face(const TriangleMesh<double>& mesh, Index face, 
   return {face, hit.barycentric};
 }
 
-/// Which parameter is constant along the edges of the border and of creases that the field follows.
-inline std::vector<Aligned> alignment(const TriangleMesh<double>& mesh, const Connection<double>& connection,
-                                      const CutGraph& cut, const FrameField& frames, double crease_radians, bool& any) {
-  std::vector<Aligned> aligned(at(mesh.halfedge_count()), Aligned::none);
-  any = false;
-  const auto label = [&](Index h, double& deviation) {
+/// Which parameter is constant along the edges of the border and along kept edges that the field follows.
+class Alignment {
+ public:
+  Alignment(const TriangleMesh<double>& mesh, const Connection<double>& connection, const CutGraph& cut,
+            const FieldResult& field, const FrameField& frames, const EdgeMarks& kept)
+      : mesh_(mesh), connection_(connection), cut_(cut), frames_(frames) {
+    aligned.assign(at(mesh.halfedge_count()), Aligned::none);
+    deviation_.assign(kept.empty() ? 0 : aligned.size(), 0.0);
+    for (Index h = 0; h < mesh.halfedge_count(); ++h) {
+      double here = 0, there = 0;
+      if (mesh.twin(h) == no_index) {
+        aligned[at(h)] = label(h, here);
+      } else if (!kept.empty() && kept[at(h)]) {
+        const Aligned mine = label(h, here);
+        (void)label(mesh.twin(h), there);
+        if (here > 0.05 || there > 0.05) continue;
+        aligned[at(h)] = mine;
+        deviation_[at(h)] = std::max(here, there);
+      }
+    }
+    for (Index v = 0; !kept.empty() && v < mesh.vertex_count(); ++v)
+      while (open_sector(v, field.matching)) continue;
+    any = std::any_of(aligned.begin(), aligned.end(), [](Aligned a) { return a != Aligned::none; });
+  }
+
+  std::vector<Aligned> aligned;  ///< a half-edge
+  bool any = false;
+
+ private:
+  [[nodiscard]] Aligned label(Index h, double& deviation) const {
     const auto f = at(h / 3);
-    const std::array<Complex, 4> d{frames.u[f], frames.v[f], -frames.u[f], -frames.v[f]};
-    const auto turn = static_cast<std::size_t>(cut.combing[f]);
-    const Complex e = connection.edge(h);
+    const std::array<Complex, 4> d{frames_.u[f], frames_.v[f], -frames_.u[f], -frames_.v[f]};
+    const auto turn = static_cast<std::size_t>(cut_.combing[f]);
+    const Complex e = connection_.edge(h);
     const double along_u = std::abs((e * std::conj(d[turn])).real()) / std::abs(d[turn]);
     const double along_v = std::abs((e * std::conj(d[(turn + 1) % 4])).real()) / std::abs(d[(turn + 1) % 4]);
     deviation = std::acos(std::min(1.0, std::max(along_u, along_v)));
     return along_u >= along_v ? Aligned::v_constant : Aligned::u_constant;
-  };
-  for (Index h = 0; h < mesh.halfedge_count(); ++h) {
-    double here = 0, there = 0;
-    if (mesh.twin(h) == no_index) {
-      aligned[at(h)] = label(h, here);
-      any = true;
-    } else if (crease_radians < 3.14 && dihedral_angle(mesh, h) > crease_radians) {
-      const Aligned mine = label(h, here);
-      (void)label(mesh.twin(h), there);
-      if (here > 0.05 || there > 0.05) continue;
-      aligned[at(h)] = mine;
-      any = true;
-    }
   }
-  return aligned;
+
+  /// Where the field does not turn from one aligned edge to the next around the vertex, no quad would be between them:
+  /// that one is let go which it follows worse. Returns whether there was such a place.
+  bool open_sector(Index v, const Matching& matching) {
+    Index h = mesh_.outgoing(v);
+    if (h == no_index) return false;
+    const Index start = h;
+    struct Spoke {
+      Index halfedge;
+      double angle;
+    };
+    std::vector<Spoke> spokes;
+    double turned = 0;
+    do {
+      if (aligned[at(h)] != Aligned::none) spokes.push_back({h, turned});
+      turned += mesh_.corner_angle(h) + matching.rho[at(mesh_.prev(h))];
+      const Index in = mesh_.prev(h);
+      h = mesh_.next_around(h);
+      if (h == no_index) spokes.push_back({in, turned});  // the other end of the border
+    } while (h != no_index && h != start);
+    if (spokes.size() < 2) return false;
+    if (h == start) spokes.push_back({spokes.front().halfedge, spokes.front().angle + turned});
+    for (std::size_t k = 0; k + 1 < spokes.size(); ++k) {
+      if (spokes[k + 1].angle - spokes[k].angle > 0.78539816339744831) continue;
+      const Index a = spokes[k].halfedge, b = spokes[k + 1].halfedge;
+      const auto inside = [&](Index e) { return mesh_.twin(e) != no_index; };
+      if (!inside(a) && !inside(b)) return false;
+      const Index less = !inside(b) || (inside(a) && deviation_[at(a)] >= deviation_[at(b)]) ? a : b;
+      aligned[at(less)] = aligned[at(mesh_.twin(less))] = Aligned::none;
+      return true;
+    }
+    return false;
+  }
+
+  const TriangleMesh<double>& mesh_;
+  const Connection<double>& connection_;
+  const CutGraph& cut_;
+  const FrameField& frames_;
+  std::vector<double> deviation_;
+};
+
+/// Keeps no longer the edges at the corners of these faces. Returns whether there were any.
+inline bool let_go(const TriangleMesh<double>& mesh, std::span<const Index> faces, EdgeMarks& kept) {
+  if (kept.empty()) return false;
+  std::vector<char> near(at(mesh.vertex_count()), 0);
+  for (const Index f : faces)
+    for (int i = 0; i < 3; ++i) near[at(mesh.faces()(f, i))] = 1;
+  bool any = false;
+  for (Index h = 0; h < mesh.halfedge_count(); ++h)
+    if (kept[at(h)] && (near[at(mesh.origin(h))] || near[at(mesh.target(h))])) kept[at(h)] = 0, any = true;
+  return any;
 }
 
 inline double least_jacobian(const QuadMesh& quads) {
@@ -91,10 +153,13 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
   result.report.faces = static_cast<Index>(faces.size());
   result.report.asked = quads;
 
-  const Piece original = make_piece(shared.asset, faces, context);
+  Piece original = make_piece(shared.asset, faces, context);
   if (context.cancelled()) return cancelled_error("remesh");
   const double area = original.asset.mesh.total_area();
   const double edge = std::sqrt(area / quads);
+  original.kept = marks_of(shared.kept, faces);
+  if (options.group_borders && original.asset.rig) keep_group_borders(original, 4 * edge);
+  if (!original.kept.empty()) result.report.kept_length = EdgeCurves(original.asset.mesh, original.kept).length();
   const auto finish = [&](QuadMesh quad_mesh) {
     result.report.quads = quad_mesh.quad_count();
     result.report.irregular = quad_topology(quad_mesh.quads, quad_mesh.vertex_count()).irregular;
@@ -105,16 +170,21 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
   struct Attempt {
     double smoothing;     // singularities closer than this many quads merge
     double longest_edge;  // of the triangles, in quad edges; 0: on a stand-in for the surface
-    bool creases;
+    bool keeps;           // creases and features
   };
   // That many triangles a quad carry a map as well as any number; where quads are many, fewer do.
   const auto stand_in_faces = std::max<Index>(4000, static_cast<Index>(std::min(20 * quads, 40'000 + 4 * quads)));
-  std::vector<Attempt> attempts{{0.5, 1.5, true}, {1, 1.0, true}, {1, 0, true}, {2, 0.7, false}, {4, 0, false}};
+  std::vector<Attempt> attempts{{0.5, 1.5, false}, {1, 1.0, false}, {1, 0, false}, {2, 0.7, false}, {4, 0, false}};
   bool noise = false;  // edges that no quad will ever see
   for (Index h = 0; h < original.asset.mesh.halfedge_count() && !noise; ++h)
     noise = original.asset.mesh.edge_vector(h).norm() < 1e-5 * edge;
   if (noise || original.asset.mesh.face_count() > std::max(20'000.0, 40 * quads))
-    attempts.insert(attempts.begin(), {0.5, 0, true});
+    attempts.insert(attempts.begin(), {0.5, 0, false});
+  if (!original.kept.empty()) {  // the first three with them, then all without
+    std::vector<Attempt> keeping(attempts.begin(), attempts.begin() + 3);
+    for (Attempt& attempt : keeping) attempt.keeps = true;
+    attempts.insert(attempts.begin(), keeping.begin(), keeping.end());
+  }
   const auto split = [&]() -> Expected<ComponentResult> {
     const TriangleMesh<double>& mesh = original.asset.mesh;
     SplitOptions split_options;
@@ -134,6 +204,7 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
     QuadMesh quads;
     double least;
     TriangleMesh<double> surface;
+    EdgeMarks kept;
     std::vector<Index> parent;
     Rung rung;
     Index singularities;
@@ -143,6 +214,7 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
   int poor = 0;  // attempts begun since
   const auto settle = [&]() -> Expected<ComponentResult> {
     QuadMesh& found = best->quads;
+    Kept kept = measure_kept(best->surface, best->kept, found);
     for (Index v = 0; v < found.vertex_count(); ++v) {
       SurfacePoint& s = found.source[at(v)];
       s = point_in_face(shared.asset.mesh, best->parent[at(s.face)], position(best->surface, s));
@@ -152,6 +224,8 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
       result.report.reasons.push_back("a quad is inverted where it lies on the surface's own triangles");
       return split();
     }
+    result.held = std::move(kept.vertex);
+    result.report.kept_as_quads = kept.as_quads;
     result.report.rung = best->rung;
     result.report.singularities = best->singularities;
     result.field = std::move(best->field);
@@ -161,15 +235,26 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
   WorkLeft left;
   // For the maps of all attempts, of which the first and a stand-in are never without: several times what a surface
   // takes whose first field can be mapped.
-  std::int64_t mapping =
+  const std::int64_t all_mapping =
       1'500'000 + 10 * std::int64_t{stand_in_faces} + 20 * std::int64_t{original.asset.mesh.face_count()};
+  std::int64_t mapping = all_mapping;
   bool dear = false;  // the surface's own triangles took their share: those of a stand-in are left
   std::optional<Piece> stand_in;
   int flat = 0;  // valid maps whose quads would lie flat in space: another field seldom helps
+  bool kept_last = false;
   static constexpr int max_operations = 3;
   for (const Attempt& attempt : attempts) {
     if (context.cancelled()) return cancelled_error("remesh");
-    if (flat > 3 || left.integers <= 0 || (best && ++poor > 1)) break;
+    const bool anew = std::exchange(kept_last, attempt.keeps) && !attempt.keeps && !best;
+    if (anew) {  // without what was to be kept, as if it had never been asked for
+      left = {};
+      mapping = all_mapping;
+      dear = false;
+      flat = 0;
+    }
+    const bool spent = flat > 3 || left.integers <= 0;
+    if (spent && attempt.keeps) continue;
+    if (spent || (best && ++poor > 1)) break;
     if (dear && attempt.longest_edge > 0) continue;
     const auto leave = [&](const std::string& reason) {
       result.report.reasons.push_back("smoothing over " + std::to_string(attempt.smoothing).substr(0, 3) +
@@ -186,21 +271,26 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
         stand_in = std::move(*made);
       }
       piece = *stand_in;
+      if (!attempt.keeps) piece.kept.clear();
     } else {
       piece = original;
+      if (!attempt.keeps) piece.kept.clear();
       // What is all needles has no end.
       const auto most = static_cast<Index>(20'000 + std::min({100 * quads, std::max(4e5, 20 * quads), 2e6}));
       if (Status status = refine_piece(piece, attempt.longest_edge * edge, most, context); !status.ok()) {
         leave(status.error().message());
         continue;
       }
-      if (std::optional<Refinement> freed = border_freed(piece.asset.mesh)) replace_mesh(piece, std::move(*freed));
+      for (std::optional<Refinement> freed; (freed = border_freed(piece.asset.mesh, piece.kept));) {
+        replace_mesh(piece, std::move(*freed));
+        if (piece.kept.empty()) break;
+      }
     }
     const TriangleMesh<double>& mesh = piece.asset.mesh;
     // Enough for every scaling of the first attempt's first field where none makes headway, else for one.
-    const bool first = &attempt == attempts.data();
-    const std::int64_t least_share = (first ? 27 : 12) * std::int64_t{mesh.face_count()};
-    if (!first && attempt.longest_edge > 0 && least_share > mapping) {
+    const bool foremost = anew || &attempt == attempts.data();
+    const std::int64_t least_share = (foremost ? 27 : 12) * std::int64_t{mesh.face_count()};
+    if (!foremost && attempt.longest_edge > 0 && least_share > mapping) {
       leave("maps on so many triangles would take more work than is left");
       continue;
     }
@@ -208,7 +298,8 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
     const TriangleMesh<double>& surface = piece.source.empty() ? mesh : original.asset.mesh;
     const std::vector<Index>& surface_parent = piece.source.empty() ? piece.parent : original.parent;
     std::optional<OntoSurface> projection;
-    if (!piece.source.empty()) projection.emplace(mesh, piece.source, surface);
+    const EdgeMarks& surface_kept = piece.source.empty() || !attempt.keeps ? piece.kept : original.kept;
+    if (!piece.source.empty()) projection.emplace(mesh, piece.source, piece.kept, surface, surface_kept);
     const auto onto = [&](const SurfacePoint& point) { return projection ? (*projection)(point) : point; };
     if (context.cancelled()) return cancelled_error("remesh");
     const Connection<double> connection(mesh);
@@ -224,8 +315,9 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
     field_options.bone_weight = options.directions.bones;
     field_options.curvature_weight = options.directions.curvature;
     field_options.bone_density = shared.sizing.density == DensitySource::field;
-    const double crease = attempt.creases ? options.crease_angle_radians : 3.14159265358979323846;
-    field_options.crease_angle_radians = crease;
+    field_options.crease_angle_radians = 3.14159265358979323846;
+    for (Index h = 0; h < static_cast<Index>(piece.kept.size()); ++h)
+      if (piece.kept[at(h)]) field_options.features.push_back(h);
     if (shared.metric && options.directions.posed > 0) {
       PolyVectorTargets targets = PolyVectorTargets::none(mesh.face_count());
       for (Index f = 0; f < mesh.face_count(); ++f) {
@@ -252,7 +344,7 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
     FieldSurgery surgery(mesh, field->frames, field->matching, field->singularities, field->pull, edge, real_solver);
     std::vector<char> held(at(mesh.face_count()), 0);
     for (Index h = 0; h < mesh.halfedge_count(); ++h)
-      if (mesh.twin(h) == no_index || (crease < 3.14 && dihedral_angle(mesh, h) > crease)) held[at(h / 3)] = 1;
+      if (mesh.twin(h) == no_index || (!piece.kept.empty() && piece.kept[at(h)])) held[at(h / 3)] = 1;
     surgery.split_extremes(0.75 * edge, context);
     if (context.cancelled()) return cancelled_error("remesh");
     // Farther ones shape limbs, and go only where each singularity would have few quads to itself.
@@ -261,7 +353,7 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
     // Nobody asked for these directions: what does not even out sizes goes.
     const DirectionOptions& asked = options.directions;
     if (field->report.preset == FieldPreset::flat && !asked.bones && !asked.curvature && !(asked.posed > 0) &&
-        !(crease < 3.14) && shared.sizing.density == DensitySource::uniform)
+        piece.kept.empty() && shared.sizing.density == DensitySource::uniform)
       surgery.cancel_needless(std::min(4 * edge, 0.07 * std::sqrt(area)), context);
     if (context.cancelled()) return cancelled_error("remesh");
 
@@ -307,22 +399,27 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
         rotation[h] = static_cast<std::int8_t>(field->matching.r[h] & 3);
       const CutGraph cut = make_cut_graph(mesh, rotation, index);
       if (context.cancelled()) return cancelled_error("remesh");
-      bool pinned = false;
-      const std::vector<Aligned> aligned = alignment(mesh, connection, cut, frames, crease, pinned);
+      const Alignment alignment(mesh, connection, cut, *field, frames, piece.kept);
       if (context.cancelled()) return cancelled_error("remesh");
       const TargetEdges target = target_edges(mesh, connection, cut, frames.u, frames.v);
       if (context.cancelled()) return cancelled_error("remesh");
-      const MapInput input{mesh, connection, cut, index, aligned, target, quads, surface, onto, left};
+      const MapInput input{mesh,    connection,   cut,  index, alignment.aligned, target, quads,
+                           surface, surface_kept, onto, left};
       std::vector<Index> trouble;
       Expected<MapOutput> mapped =
-          pinned ? map_stage<double>(input, options, result.seconds, result.backends, trouble, context)
-                 : map_stage<Complex>(input, options, result.seconds, result.backends, trouble, context);
+          alignment.any ? map_stage<double>(input, options, result.seconds, result.backends, trouble, context)
+                        : map_stage<Complex>(input, options, result.seconds, result.backends, trouble, context);
+      if (mapped && attempt.keeps && mapped->quads.quad_count() > 1.5 * quads) {
+        leave("creases and features need " + std::to_string(mapped->quads.quad_count()) + " quads");
+        break;
+      }
       if (mapped) {
         const bool good = mapped->least > fine_enough;
         if (!best || mapped->least > best->least) {
           best = Best{std::move(mapped->quads),
                       mapped->least,
                       projection ? original.asset.mesh : mesh,
+                      surface_kept,
                       surface_parent,
                       mapped->rung,
                       field->singularities.plus + field->singularities.minus,
@@ -336,6 +433,7 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
       if (mapped.error().code == ErrorCode::cancelled) return mapped.error();
       leave(mapped.error().what);
       if (best) break;
+      if (let_go(mesh, trouble, piece.kept)) continue;
       flat += trouble.empty();
       // Where many triangles are in trouble and fewer pairs do not help, no single pair will.
       const bool hopeless = trouble.size() > 300 || (trouble.size() > 30 && trouble.size() >= troubled);

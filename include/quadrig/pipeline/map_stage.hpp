@@ -34,6 +34,7 @@ struct MapInput {
   const TargetEdges& target;
   double quads = 0;
   const TriangleMesh<double>& surface;                   ///< where the quads go: `mesh`, or what it stands for
+  const EdgeMarks& kept;                                 ///< of `surface`
   function_ref<SurfacePoint(const SurfacePoint&)> onto;  ///< from `mesh` to `surface`
   WorkLeft& left;
 };
@@ -214,7 +215,7 @@ template <class K>
 
   constexpr double sound = 0.05;  // least scaled Jacobian: below it, another way is better
   const auto polished = [&](QuadMesh quads) {
-    const PolishReport report = polish(in.surface, options.polish, quads, context);
+    const PolishReport report = polish(in.surface, options.polish, quads, context, in.kept);
     lap(seconds.polish);
     return std::pair{std::move(quads), report};
   };

@@ -14,6 +14,8 @@ struct Piece {
   std::vector<Index> parent;
   /// Of a piece that stands for another: each vertex on the surface of that one.
   std::vector<SurfacePoint> source;
+  /// Edges that must become edges of quads, or empty: none.
+  EdgeMarks kept;
 };
 
 /// Of no use once cancelled.
@@ -55,25 +57,28 @@ inline Piece make_piece(const Asset& asset, std::span<const Index> faces, const 
 
 inline void replace_mesh(Piece& piece, Refinement&& finer) {
   if (piece.asset.rig) piece.asset.rig->weights = interpolate(piece.asset.mesh, piece.asset.rig->weights, finer.source);
+  piece.kept = carried_marks(piece.asset.mesh, piece.kept, finer);
   for (Index& f : finer.source_face) f = piece.parent[at(f)];
   piece.parent = std::move(finer.source_face);
   piece.asset.mesh = std::move(finer.mesh);
 }
 
-/// The mesh cut so that no edge inside joins two vertices of the border: a map would have to flatten a triangle there.
-/// Nothing where it has none.
-[[nodiscard]] inline std::optional<Refinement> border_freed(const TriangleMesh<double>& mesh) {
-  if (mesh.closed()) return std::nullopt;
+/// The mesh cut so that no edge joins two vertices of the border, or of what is kept, but those edges themselves: a map
+/// would have to flatten a triangle there. Nothing where it has none.
+[[nodiscard]] inline std::optional<Refinement> border_freed(const TriangleMesh<double>& mesh, const EdgeMarks& kept) {
+  if (mesh.closed() && kept.empty()) return std::nullopt;
+  const EdgeMarks lines = joined_marks(border_marks(mesh), kept);
+  std::vector<char> on_line(at(mesh.vertex_count()), 0);
+  for (Index h = 0; h < mesh.halfedge_count(); ++h)
+    if (lines[at(h)]) on_line[at(mesh.origin(h))] = on_line[at(mesh.target(h))] = 1;
   std::vector<char> marked(at(mesh.halfedge_count()), 0);
   bool any = false;
   for (Index h = 0; h < mesh.halfedge_count(); ++h)
-    if (mesh.twin(h) != no_index && mesh.on_boundary(mesh.origin(h)) && mesh.on_boundary(mesh.target(h)))
-      marked[at(h)] = 1, any = true;
-  if (mesh.face_count() == 1) {
-    // A lone triangle has no edge inside: cut all three, and the inner face keeps the border apart.
-    std::fill(marked.begin(), marked.end(), char{1});
-    any = true;
-  }
+    if (!lines[at(h)] && on_line[at(mesh.origin(h))] && on_line[at(mesh.target(h))]) marked[at(h)] = 1, any = true;
+  // A triangle all of lines has no edge inside: cut all three, and the inner face keeps them apart.
+  for (Index f = 0; f < mesh.face_count(); ++f)
+    if (lines[at(3 * f)] && lines[at(3 * f + 1)] && lines[at(3 * f + 2)])
+      marked[at(3 * f)] = marked[at(3 * f + 1)] = marked[at(3 * f + 2)] = 1, any = true;
   if (!any) return std::nullopt;
   return split_edges(mesh, marked);
 }
@@ -97,16 +102,17 @@ inline Status refine_piece(Piece& piece, double target, Index most, Context& con
 /// The piece on a stand-in of about `faces` faces. \fails as make_stand_in
 [[nodiscard]] inline Expected<Piece> stand_in_piece(const Piece& original, Index faces, Context& context) {
   const TriangleMesh<double>& surface = original.asset.mesh;
-  Expected<StandIn> made = make_stand_in(surface, faces, context);
+  Expected<StandIn> made = make_stand_in(surface, original.kept, faces, context);
   if (!made) return made.error();
-  if (std::optional<Refinement> freed = border_freed(made->mesh)) {
-    const OntoSurface onto(made->mesh, made->source, surface);
+  while (std::optional<Refinement> freed = border_freed(made->mesh, made->kept)) {
+    const OntoSurface onto(made->mesh, made->source, made->kept, surface, original.kept);
     std::vector<SurfacePoint> source;
     for (const SurfacePoint& point : freed->source) source.push_back(onto(point));
-    *made = {std::move(freed->mesh), std::move(source)};
+    EdgeMarks kept = carried_marks(made->mesh, made->kept, *freed);
+    *made = {std::move(freed->mesh), std::move(source), std::move(kept)};
   }
-  Piece piece{{std::move(made->mesh), std::nullopt}, {}, std::move(made->source)};
-  const OntoSurface onto(piece.asset.mesh, piece.source, surface);
+  Piece piece{{std::move(made->mesh), std::nullopt}, {}, std::move(made->source), std::move(made->kept)};
+  const OntoSurface onto(piece.asset.mesh, piece.source, piece.kept, surface, original.kept);
   for (Index f = 0; f < piece.asset.mesh.face_count(); ++f) {
     if (f % 1024 == 0 && context.cancelled()) return cancelled_error("stand-in");
     piece.parent.push_back(original.parent[at(onto({f, Vector3::Constant(1.0 / 3)}).face)]);

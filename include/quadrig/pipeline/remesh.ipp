@@ -2,6 +2,7 @@
 
 #include "quadrig/dominance.hpp"
 #include "quadrig/pipeline/component.hpp"
+#include "quadrig/pipeline/features.hpp"
 #include "quadrig/quads/topology.hpp"
 
 namespace quadrig {
@@ -77,6 +78,12 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
         ErrorCode::bad_option,
         std::to_string(options.quads) + " are too many for " + std::to_string(mesh.face_count()) + " triangles",
         "quads", "give at most " + std::to_string(most) + " and subdivide the quads"};
+  for (const Index h : options.features)
+    if (h < 0 || h >= mesh.halfedge_count())
+      return Error{ErrorCode::bad_option, "half-edge " + std::to_string(h) + " is none of the mesh", "features",
+                   "give half-edges in [0, " + std::to_string(mesh.halfedge_count()) + ")"};
+  if (options.group_borders && !asset.rig)
+    return Error{ErrorCode::bad_option, "vertex groups are the columns of skin weights", "group_borders", "give a rig"};
   if (options.preset == FieldPreset::thesis && !asset.rig)
     return Error{ErrorCode::bad_option, "the thesis preset needs a rig", "preset", "give a rig, or use static"};
 
@@ -185,8 +192,9 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
   for (std::size_t c = 0; c < faces.size(); ++c)
     if (!(due[c] > 0)) due[c] = std::max(1.0, left * share[c] / rest);
   if (context.cancelled()) return cancelled_error("remesh");
+  const EdgeMarks kept = detail::kept_edges(mesh, options);
   const detail::RemeshShared shared{
-      asset, connection, options, sizing, sized ? &sizes : nullptr, metric ? &*metric : nullptr};
+      asset, connection, options, sizing, sized ? &sizes : nullptr, metric ? &*metric : nullptr, kept};
   std::vector<std::optional<Expected<detail::ComponentResult>>> parts(faces.size());
   context.progress("remesh", 0.1);
   const auto work = [&](std::size_t begin, std::size_t end) {
@@ -217,10 +225,15 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
   Index first_vertex = 0, first_quad = 0, largest = -1;
   RemeshReport& report = result.report;
   std::vector<char> beside(at(vertices), 0);  // of parts that have vertices beside the surface
+  std::vector<char> held(at(vertices), 0);    // on kept edges
+  double kept_length = 0, kept_as_quads = 0;
   for (auto& slot : parts) {
     detail::ComponentResult& part = **slot;
     const Index n = part.mesh.vertex_count(), m = part.mesh.quad_count();
     if (part.report.rung == Rung::split) std::fill_n(beside.begin() + first_vertex, n, char{1});
+    std::copy(part.held.begin(), part.held.end(), held.begin() + first_vertex);
+    kept_length += part.report.kept_length;
+    kept_as_quads += part.report.kept_as_quads;
     out.positions.middleRows(first_vertex, n) = part.mesh.positions;
     out.quads.middleRows(first_quad, m) = part.mesh.quads.array() + first_vertex;
     out.source.insert(out.source.end(), part.mesh.source.begin(), part.mesh.source.end());
@@ -243,11 +256,13 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
   const double gathering = watch.seconds();
 
   watch = {};
-  std::vector<char> held = options.before_fit ? options.before_fit(mesh, out) : std::vector<char>{};
+  if (options.before_fit) {
+    const std::vector<char> placed = options.before_fit(mesh, held, out);
+    for (std::size_t v = 0; v < placed.size(); ++v) held[v] = held[v] || placed[v];
+  }
   if (options.fit.rounds > 0) {
-    held.resize(at(vertices), 0);
     for (std::size_t v = 0; v < held.size(); ++v) held[v] = held[v] || beside[v];
-    (void)fit(mesh, fit_targets, options.crease_angle_radians, std::move(held), options.fit, out, context);
+    (void)fit(mesh, fit_targets, std::move(held), options.fit, out, context);
   }
   if (context.cancelled()) return cancelled_error("fit");
   report.seconds.polish += watch.seconds();
@@ -275,6 +290,10 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
                          (report.components[c].reasons.empty() ? std::string("no attempt")
                                                                : report.components[c].reasons.back()) +
                          ")"});
+  if (kept_as_quads < 0.99 * kept_length)
+    report.warnings.push_back(
+        {"remesh", std::to_string(static_cast<int>(100 * (1 - kept_as_quads / kept_length) + 0.5)) +
+                       " % of the length of creases and features are no edges of quads; more quads may help"});
   const QuadTopology topology = quad_topology(out.quads, vertices);
   report.valid = topology.defect.empty() && report.scaled_jacobian_minimum > 0;
   for (const Warning& warning : report.warnings) context.warnings.push_back(warning);

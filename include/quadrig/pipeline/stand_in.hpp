@@ -5,8 +5,8 @@
 #include <memory>
 
 #include "quadrig/closest.hpp"
+#include "quadrig/curves.hpp"
 #include "quadrig/simplify/decimate.hpp"
-#include "quadrig/simplify/place.hpp"
 #include "quadrig/simplify/refined.hpp"
 
 namespace quadrig::detail {
@@ -15,19 +15,51 @@ namespace quadrig::detail {
 struct StandIn {
   TriangleMesh<double> mesh;
   std::vector<SurfacePoint> source;  ///< of each vertex, on the surface
+  EdgeMarks kept;                    ///< where the surface has such
 };
+
+/// The marks of a mesh on a refinement of it.
+[[nodiscard]] inline EdgeMarks carried_marks(const TriangleMesh<double>& mesh, const EdgeMarks& marks,
+                                             const Refinement& finer) {
+  if (marks.empty()) return {};
+  const auto index = [](Index i) { return static_cast<std::size_t>(i); };
+  // The edge that each vertex lies on, by its lower half-edge; of the vertices of the mesh none.
+  std::vector<Index> edge(finer.source.size(), no_index);
+  for (std::size_t v = index(mesh.vertex_count()); v < edge.size(); ++v)
+    for (int i = 0; i < 3; ++i)
+      if (finer.source[v].barycentric[(i + 2) % 3] == 0) {
+        const Index h = 3 * finer.source[v].face + i, g = mesh.twin(h);
+        edge[v] = g == no_index ? h : std::min(h, g);
+      }
+  EdgeMarks result(index(finer.mesh.halfedge_count()), 0);
+  for (Index g = 0; g < finer.mesh.halfedge_count(); ++g) {
+    const Index a = finer.mesh.origin(g), b = finer.mesh.target(g);
+    const Index face = finer.source_face[index(g / 3)];
+    for (Index h = 3 * face; h < 3 * face + 3; ++h) {
+      if (!marks[index(h)]) continue;
+      const Index across = mesh.twin(h), low = across == no_index ? h : std::min(h, across);
+      const auto on = [&](Index v) {
+        return v < mesh.vertex_count() ? v == mesh.origin(h) || v == mesh.target(h) : edge[index(v)] == low;
+      };
+      if (on(a) && on(b)) result[index(g)] = 1;
+    }
+  }
+  return result;
+}
 
 /// A stand-in of about `faces` faces with the topology and the border loops of the surface.
 /// \pre mesh has a face, and none of zero area
 /// \fails cancelled; numeric where what is left is no manifold
 /// \cost as split_quads
-[[nodiscard]] inline Expected<StandIn> make_stand_in(const TriangleMesh<double>& mesh, Index faces, Context& context) {
+[[nodiscard]] inline Expected<StandIn> make_stand_in(const TriangleMesh<double>& mesh, const EdgeMarks& kept,
+                                                     Index faces, Context& context) {
   Expected<std::optional<Refinement>> refined = refined_to_choose(mesh, faces, RefineOptions{}, context);
   if (!refined) return refined.error();
   if (context.cancelled()) return cancelled_error("stand-in");
   const TriangleMesh<double>& fine = *refined ? (*refined)->mesh : mesh;
   // Even triangles before all: closeness comes back when the quads are put on the surface itself.
-  Decimator decimator(fine, 1.0, std::sqrt(2 * mesh.total_area() / faces), context);
+  Decimator decimator(fine, 1.0, std::sqrt(2 * mesh.total_area() / faces), context,
+                      *refined ? carried_marks(mesh, kept, **refined) : kept);
   if (Status status = decimator.reduce(faces, context); !status) return status.error();
 
   const std::vector<SurfacePoint> sources = *refined ? (*refined)->source : vertex_points(mesh);
@@ -50,17 +82,25 @@ struct StandIn {
   Expected<TriangleMesh<double>> made = TriangleMesh<double>::create(std::move(positions), std::move(triangles));
   if (!made) return made.error();
   result.mesh = std::move(*made);
+  if (!kept.empty())
+    for (const Decimator::Face& f : left)
+      for (std::size_t i = 0; i < 3; ++i) result.kept.push_back(decimator.kept(f[i], f[(i + 1) % 3]));
   return result;
 }
 
-/// Carries points of a stand-in to the surface: along the border by arc length, else to the closest point on the sheet
-/// that the stand-in's corners lie on.
+/// Carries points of a stand-in to the surface: along the border and kept edges by arc length, else to the closest
+/// point on the sheet that the stand-in's corners lie on.
 class OntoSurface {
  public:
-  /// \param source of each vertex of `from`, on the surface. Keeps references to all three.
-  OntoSurface(const TriangleMesh<double>& from, const std::vector<SurfacePoint>& source,
-              const TriangleMesh<double>& surface)
-      : from_(from), source_(source), surface_(surface), loops_(surface) {}
+  /// \param source of each vertex of `from`, on the surface. Keeps references to these three.
+  /// \param from_kept, kept marks of both, or empty
+  OntoSurface(const TriangleMesh<double>& from, const std::vector<SurfacePoint>& source, EdgeMarks from_kept,
+              const TriangleMesh<double>& surface, const EdgeMarks& kept)
+      : from_(from),
+        source_(source),
+        from_kept_(std::move(from_kept)),
+        surface_(surface),
+        curves_(surface, joined_marks(border_marks(surface), kept)) {}
 
   /// \cost a walk over the faces between a corner and the answer; where that goes astray a search of the surface
   [[nodiscard]] SurfacePoint operator()(const SurfacePoint& point) const {
@@ -68,10 +108,11 @@ class OntoSurface {
       if (point.barycentric[i] >= 1 - 1e-12) return source(from_.faces()(point.face, i));
     for (int i = 0; i < 3; ++i) {
       const Index h = 3 * point.face + i;
-      if (from_.twin(h) != no_index || point.barycentric[(i + 2) % 3] > 1e-9) continue;
-      if (const auto on_border =
-              loops_.between(source(from_.origin(h)), source(from_.target(h)), point.barycentric[(i + 1) % 3]))
-        return *on_border;
+      if (point.barycentric[(i + 2) % 3] > 1e-9) continue;
+      if (from_.twin(h) != no_index && (from_kept_.empty() || !from_kept_[static_cast<std::size_t>(h)])) continue;
+      if (const auto on_curve =
+              curves_.between(source(from_.origin(h)), source(from_.target(h)), point.barycentric[(i + 1) % 3]))
+        return *on_curve;
     }
     const Vector3 p = position(from_, point);
     SurfaceHit best;
@@ -97,8 +138,9 @@ class OntoSurface {
 
   const TriangleMesh<double>& from_;
   const std::vector<SurfacePoint>& source_;
+  EdgeMarks from_kept_;
   const TriangleMesh<double>& surface_;
-  BoundaryLoops loops_;
+  EdgeCurves curves_;
   mutable std::unique_ptr<ClosestPoint> search_;
 };
 

@@ -9,7 +9,7 @@ namespace detail {
 
 class Polisher {
  public:
-  Polisher(const TriangleMesh<double>& mesh, const PolishOptions& options, QuadMesh& quads)
+  Polisher(const TriangleMesh<double>& mesh, const PolishOptions& options, const EdgeMarks& kept, QuadMesh& quads)
       : mesh_(mesh), options_(options), quads_(quads) {
     const auto n = static_cast<std::size_t>(quads.vertex_count());
     starts_.assign(n + 1, 0);
@@ -20,7 +20,14 @@ class Polisher {
     std::vector<std::size_t> next(starts_.begin(), starts_.end() - 1);
     for (Index q = 0; q < quads.quad_count(); ++q)
       for (int i = 0; i < 4; ++i) incident_[next[at(quads.quads(q, i))]++] = 4 * q + i;
+    if (mesh.closed() && kept.empty()) {
+      rail_.assign(n, no_index);
+      fixed_.assign(n, 0);
+      return;
+    }
+    curves_.emplace(mesh, joined_marks(border_marks(mesh), kept), EdgeCurves::eighth);
     find_border();
+    if (!kept.empty()) find_kept();
   }
 
   PolishReport run(Context& context) {
@@ -33,7 +40,7 @@ class Polisher {
       if (report.least_after > options_.freed || context.cancelled()) break;
       const auto positions = quads_.positions;
       const auto source = quads_.source;
-      const auto border = border_;
+      const auto rail = rail_;
       relax_around(rings);
       report.rounds += rounds(options_.rounds, context);
       const auto [least, average] = statistics();
@@ -43,7 +50,7 @@ class Polisher {
       } else {
         quads_.positions = positions;
         quads_.source = source;
-        border_ = border;
+        rail_ = rail;
       }
     }
     return report;
@@ -93,7 +100,7 @@ class Polisher {
   struct Place {
     Vector3 position;
     SurfacePoint source;
-    Index border = no_index;  // half-edge of the mesh's border that it lies on
+    Index rail = no_index;  // half-edge of the border, or of what is kept, that it lies on
   };
 
   [[nodiscard]] Vector3 point(Index v) const { return quads_.positions.row(v).transpose(); }
@@ -101,12 +108,9 @@ class Polisher {
   /// Border vertices of the quads slide along border half-edges of the mesh; corners of the border stay.
   void find_border() {
     const Index n = quads_.vertex_count();
-    border_.assign(at(n), no_index);
+    rail_.assign(at(n), no_index);
     fixed_.assign(at(n), 0);
     if (mesh_.closed()) return;
-    before_.assign(at(mesh_.vertex_count()), no_index);
-    for (Index h = 0; h < mesh_.halfedge_count(); ++h)
-      if (mesh_.twin(h) == no_index) before_[at(mesh_.target(h))] = h;
     std::vector<std::array<Index, 2>> sides;
     for (Index q = 0; q < quads_.quad_count(); ++q)
       for (int i = 0; i < 4; ++i) sides.push_back({quads_.quads(q, i), quads_.quads(q, (i + 1) % 4)});
@@ -116,28 +120,42 @@ class Polisher {
       while (last < sides.size() && key(sides[last]) == key(sides[k])) ++last;
       if (last - k != 1) continue;
       for (const Index v : sides[k]) {
-        if (border_[at(v)] != no_index || fixed_[at(v)]) continue;
+        if (rail_[at(v)] != no_index || fixed_[at(v)]) continue;
         const SurfacePoint& s = quads_.source[at(v)];
         for (int e = 0; e < 3; ++e)
           if (mesh_.twin(3 * s.face + e) == no_index && s.barycentric[(e + 2) % 3] <= 1e-9)
-            border_[at(v)] = 3 * s.face + e;
-        if (border_[at(v)] == no_index) {  // at a vertex of the mesh, seen from a face inside
+            rail_[at(v)] = 3 * s.face + e;
+        if (rail_[at(v)] == no_index) {  // at a vertex of the mesh, seen from a face inside
           int corner = 0;
           s.barycentric.maxCoeff(&corner);
           const Index w = mesh_.faces()(s.face, corner);
-          if (mesh_.on_boundary(w) && s.barycentric[corner] > 1 - 1e-9) border_[at(v)] = mesh_.outgoing(w);
+          if (mesh_.on_boundary(w) && s.barycentric[corner] > 1 - 1e-9) rail_[at(v)] = mesh_.outgoing(w);
         }
-        if (border_[at(v)] == no_index || starts_[at(v) + 1] - starts_[at(v)] != 2) fixed_[at(v)] = 1;
+        if (rail_[at(v)] == no_index || starts_[at(v) + 1] - starts_[at(v)] != 2) fixed_[at(v)] = 1;
       }
     }
   }
 
+  /// Vertices on kept edges slide along them; those at corners of these, or where other than four quads meet, stay.
+  void find_kept() {
+    constexpr double near = 1e-6;
+    for (Index v = 0; v < quads_.vertex_count(); ++v) {
+      const SurfacePoint& s = quads_.source[at(v)];
+      int corner = 0;
+      if (s.barycentric.maxCoeff(&corner) >= 1 - near && curves_->corner(mesh_.faces()(s.face, corner)))
+        fixed_[at(v)] = 1;
+      if (fixed_[at(v)] || rail_[at(v)] != no_index) continue;
+      rail_[at(v)] = curves_->under(s, near);
+      if (rail_[at(v)] != no_index && starts_[at(v) + 1] - starts_[at(v)] != 4) fixed_[at(v)] = 1;
+    }
+  }
+
   [[nodiscard]] Place project(Index v, const Vector3& p) const {
-    if (border_[at(v)] == no_index) {
+    if (rail_[at(v)] == no_index) {
       const SurfaceHit hit = walk_closest(mesh_, p, quads_.source[at(v)]);
       return {hit.position, SurfacePoint{hit.face, hit.barycentric}, no_index};
     }
-    // Along the border: from edge to edge as long as it comes closer.
+    // Along the curve: from edge to edge as long as it comes closer.
     const auto on_edge = [&](Index h) {
       const Vector3 a = mesh_.position(mesh_.origin(h)), d = mesh_.edge_vector(h);
       const double length = d.squaredNorm();
@@ -147,11 +165,12 @@ class Polisher {
       place.source.barycentric[(h % 3 + 1) % 3] = t;
       return place;
     };
-    Place best = on_edge(border_[at(v)]);
+    Place best = on_edge(rail_[at(v)]);
     for (const bool forward : {true, false}) {
-      Index h = border_[at(v)];
+      Index h = rail_[at(v)];
       for (int step = 0; step < 64; ++step) {
-        h = forward ? mesh_.outgoing(mesh_.target(h)) : before_[at(mesh_.origin(h))];
+        h = curves_->beside(h, forward);
+        if (h == no_index) break;
         const Place next = on_edge(h);
         if ((next.position - p).squaredNorm() > (best.position - p).squaredNorm() && step > 0) break;
         if ((next.position - p).squaredNorm() < (best.position - p).squaredNorm()) best = next;
@@ -204,13 +223,13 @@ class Polisher {
   void put(Index v, const Place& place) {
     quads_.positions.row(v) = place.position.transpose();
     quads_.source[at(v)] = place.source;
-    if (place.border != no_index) border_[at(v)] = place.border;
+    if (place.rail != no_index) rail_[at(v)] = place.rail;
   }
 
   /// Returns how far the vertex went, relative to its edges.
   double move(Index v) {
     if (fixed_[at(v)] || starts_[at(v)] == starts_[at(v) + 1]) return 0;
-    const Place here{point(v), quads_.source[at(v)], border_[at(v)]};
+    const Place here{point(v), quads_.source[at(v)], rail_[at(v)]};
     Vector3 mean = Vector3::Zero();
     double edge = 0;
     const auto count = static_cast<double>(starts_[at(v) + 1] - starts_[at(v)]);
@@ -273,15 +292,16 @@ class Polisher {
   const PolishOptions& options_;
   QuadMesh& quads_;
   std::vector<std::size_t> starts_;
-  std::vector<Index> incident_, border_, before_;
+  std::optional<EdgeCurves> curves_;  // of the border and of what is kept
+  std::vector<Index> incident_, rail_;
   std::vector<char> fixed_;
 };
 
 }  // namespace detail
 
 QUADRIG_INLINE PolishReport polish(const TriangleMesh<double>& mesh, const PolishOptions& options, QuadMesh& quads,
-                                   Context& context) {
-  return detail::Polisher(mesh, options, quads).run(context);
+                                   Context& context, const EdgeMarks& kept) {
+  return detail::Polisher(mesh, options, kept, quads).run(context);
 }
 
 }  // namespace quadrig

@@ -1,13 +1,17 @@
 // Edges cut in the middle, all at once: what a map needs where an edge joins two vertices of the border.
 #pragma once
 
+#include <functional>
+
 #include "quadrig/prepare.hpp"
 
 namespace quadrig {
 
-/// Cuts every edge marked by one of its half-edges at its midpoint; a face with one, two or three cut edges becomes
-/// two, three or four. The surface stays exactly as it is. \cost O(m)
-[[nodiscard]] inline Refinement split_edges(const TriangleMesh<double>& mesh, const std::vector<char>& marked) {
+/// Cuts every edge marked by one of its half-edges at its midpoint, or at `share(h)` of the way along its lower
+/// half-edge; a face with one, two or three cut edges becomes two, three or four. The surface stays exactly as it is.
+/// \cost O(m)
+[[nodiscard]] inline Refinement split_edges(const TriangleMesh<double>& mesh, const std::vector<char>& marked,
+                                            const std::function<double(Index)>& share = {}) {
   const auto at = [](Index i) { return static_cast<std::size_t>(i); };
   const Index n = mesh.vertex_count();
   std::vector<Index> middle(marked.size(), no_index);
@@ -25,7 +29,9 @@ namespace quadrig {
     middle[at(h)] = vertices++;
     if (g != no_index) middle[at(g)] = middle[at(h)];
     SurfacePoint point{h / 3, Vector3::Zero()};
-    point.barycentric[h % 3] = point.barycentric[(h % 3 + 1) % 3] = 0.5;
+    const double t = share ? share(h) : 0.5;
+    point.barycentric[h % 3] = 1 - t;
+    point.barycentric[(h % 3 + 1) % 3] = t;
     source.push_back(point);
   }
   Points<double> positions(vertices, 3);

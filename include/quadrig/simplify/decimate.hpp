@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <tuple>
 
-#include "quadrig/mesh.hpp"
+#include "quadrig/curves.hpp"
 
 namespace quadrig::detail {
 
@@ -84,8 +84,10 @@ class Decimator {
   using Face = std::array<Index, 3>;
 
   /// `width` is how wide a strip of surface an edge of the boundary or of a crease stands for: about the edge length
-  /// that is wanted. Once cancelled it is not fit for use.
-  Decimator(const TriangleMesh<double>& mesh, double uniformity, double width, const Context& context) {
+  /// that is wanted. Curves of edges marked by `kept` stay curves, their corners where they are. Once cancelled it is
+  /// not fit for use.
+  Decimator(const TriangleMesh<double>& mesh, double uniformity, double width, const Context& context,
+            const EdgeMarks& kept = {}) {
     const auto n = static_cast<std::size_t>(mesh.vertex_count());
     const auto m = static_cast<std::size_t>(mesh.face_count());
     const Vector3 center =
@@ -120,7 +122,7 @@ class Decimator {
         if (across == no_index) border_[at(v)] = border_[at(w)] = 1;
         // Upright planes hold the boundary as a face beyond it would, and sharp edges, be the face beyond ever so
         // narrow: the rim of a plate.
-        if (across != no_index && mesh.normal(across / 3).dot(normal) > 0.5) continue;
+        if (across != no_index && mesh.normal(across / 3).dot(normal) > 0.5 && (kept.empty() || !kept[at(h)])) continue;
         const Vector3 along = mesh.edge_vector(h), upright = along.cross(normal);
         const double length = upright.norm(), weight = across == no_index ? 3 : 1;
         if (!(length > 0)) continue;
@@ -128,6 +130,7 @@ class Decimator {
           quadrics_[at(end)].add_plane(upright / length, positions_[at(v)], weight * along.norm() * width);
       }
     }
+    if (!kept.empty()) keep(mesh, kept);
   }
 
   [[nodiscard]] Index face_count() const { return alive_; }
@@ -137,6 +140,11 @@ class Decimator {
     for (const Face& f : faces_)
       if (f[0] != no_index) result.push_back(f);
     return result;
+  }
+
+  /// Whether an edge of what is left is one of a curve that was to be kept.
+  [[nodiscard]] bool kept(Index v, Index w) const {
+    return !curve_.empty() && std::find(curve_[at(v)].begin(), curve_[at(v)].end(), w) != curve_[at(v)].end();
   }
 
   /// Collapses edges, cheapest first, until at most `wanted` faces are left or none may be collapsed any more. Shapes
@@ -172,6 +180,32 @@ class Decimator {
       return std::tie(cost, from, to) > std::tie(other.cost, other.from, other.to);
     }
   };
+
+  void keep(const TriangleMesh<double>& mesh, const EdgeMarks& kept) {
+    const EdgeCurves curves(mesh, kept, EdgeCurves::eighth);
+    curve_.resize(around_.size());
+    for (Index h = 0; h < mesh.halfedge_count(); ++h) {
+      if (!kept[at(h)] || !mesh.is_representative(h)) continue;
+      curve_[at(mesh.origin(h))].push_back(mesh.target(h));
+      curve_[at(mesh.target(h))].push_back(mesh.origin(h));
+    }
+    for (Index v = 0; v < mesh.vertex_count(); ++v)
+      corner_.push_back(curves.corner(v) || (border_[at(v)] && !curve_[at(v)].empty()));
+  }
+  /// A vertex of a curve may only go along it, and the curve remains one: no loop of two edges.
+  [[nodiscard]] bool keeps_curves(Index from, Index to) const {
+    if (curve_.empty() || curve_[at(from)].empty()) return true;
+    if (corner_[at(from)] || !kept(from, to)) return false;
+    const Index other = curve_[at(from)][0] == to ? curve_[at(from)][1] : curve_[at(from)][0];
+    return other != to && !kept(other, to);
+  }
+  void move_curve(Index from, Index to) {
+    if (curve_.empty() || curve_[at(from)].empty()) return;
+    const Index other = curve_[at(from)][0] == to ? curve_[at(from)][1] : curve_[at(from)][0];
+    std::replace(curve_[at(to)].begin(), curve_[at(to)].end(), from, other);
+    std::replace(curve_[at(other)].begin(), curve_[at(other)].end(), from, to);
+    curve_[at(from)].clear();
+  }
 
   [[nodiscard]] const Vector3& point(Index v) const { return positions_[at(v)]; }
   [[nodiscard]] static bool has(const Face& f, Index v) { return f[0] == v || f[1] == v || f[2] == v; }
@@ -211,7 +245,7 @@ class Decimator {
       if (++steps % 4096 == 0 && context.cancelled()) return false;
       const Candidate c = queue.pop();
       if (c.from_stamp != stamps_[at(c.from)] || c.to_stamp != stamps_[at(c.to)]) continue;
-      if (!keeps_topology(c.from, c.to) || !keeps_shape(c.from, c.to, rule)) continue;
+      if (!keeps_curves(c.from, c.to) || !keeps_topology(c.from, c.to) || !keeps_shape(c.from, c.to, rule)) continue;
       collapse(c.from, c.to);
       ++stamps_[at(c.from)];
       ++stamps_[at(c.to)];
@@ -302,6 +336,7 @@ class Decimator {
   }
 
   void collapse(Index from, Index to) {
+    move_curve(from, to);
     for (const Index f : around_[at(from)]) {
       Face& face = faces_[at(f)];
       if (has(face, to)) {
@@ -336,7 +371,7 @@ class Decimator {
     Index g = no_index;
     for (const Index other : around_[at(a)])
       if (other != f && has(faces_[at(other)], b)) g = other;
-    if (g == no_index) return false;
+    if (g == no_index || kept(a, b)) return false;
     Index d = no_index;
     for (const Index w : faces_[at(g)])
       if (w != a && w != b) d = w;
@@ -366,7 +401,8 @@ class Decimator {
   std::vector<Vector3> positions_;
   std::vector<Face> faces_;
   std::vector<std::vector<Index>> around_;  // faces of each vertex
-  std::vector<char> border_;
+  std::vector<char> border_, corner_;       // corner_: of curves that are kept, where there are any
+  std::vector<std::vector<Index>> curve_;   // the neighbours of each vertex along these
   std::vector<Quadric> quadrics_;
   std::vector<std::uint32_t> stamps_, marks_;
   std::uint32_t mark_ = 0;

@@ -2,85 +2,10 @@
 #pragma once
 
 #include "quadrig/closest.hpp"
+#include "quadrig/curves.hpp"
 #include "quadrig/simplify/pair.hpp"
 
 namespace quadrig::detail {
-
-/// Positions along the boundary loops of a mesh, by arc length.
-class BoundaryLoops {
- public:
-  explicit BoundaryLoops(const TriangleMesh<double>& mesh) : mesh_(mesh) {
-    place_.assign(static_cast<std::size_t>(mesh.halfedge_count()), {no_index, no_index});
-    for (Index start = 0; start < mesh.halfedge_count(); ++start) {
-      if (mesh.twin(start) != no_index || place_[at(start)][0] != no_index) continue;
-      Loop loop;
-      Index h = start;
-      do {
-        place_[at(h)] = {static_cast<Index>(loops_.size()), static_cast<Index>(loop.halfedges.size())};
-        loop.halfedges.push_back(h);
-        loop.begins.push_back(loop.length);
-        loop.length += mesh.edge_vector(h).norm();
-        h = mesh.outgoing(mesh.target(h));  // the first of a boundary vertex's fan runs along the boundary
-      } while (h != start);
-      loops_.push_back(std::move(loop));
-    }
-  }
-
-  /// The point at a share of the way along the boundary from one of its points to another. Nothing where one is on no
-  /// boundary, or they are on different loops.
-  [[nodiscard]] std::optional<SurfacePoint> between(const SurfacePoint& from, const SurfacePoint& to,
-                                                    double share) const {
-    const auto a = locate(from), b = locate(to);
-    if (!a || !b || a->loop != b->loop) return std::nullopt;
-    const Loop& loop = loops_[at(a->loop)];
-    double way = b->along - a->along;
-    if (way <= 0) way += loop.length;
-    double along = a->along + share * way;
-    if (along >= loop.length) along -= loop.length;
-    const auto next = std::upper_bound(loop.begins.begin(), loop.begins.end(), along);
-    const auto k = static_cast<std::size_t>(next - loop.begins.begin()) - 1;
-    const Index h = loop.halfedges[k];
-    const double length = mesh_.edge_vector(h).norm();
-    const double t = length > 0 ? std::clamp((along - loop.begins[k]) / length, 0.0, 1.0) : 0.0;
-    SurfacePoint point{h / 3, Vector3::Zero()};
-    point.barycentric[h % 3] = 1 - t;
-    point.barycentric[(h % 3 + 1) % 3] = t;
-    return point;
-  }
-
- private:
-  struct Loop {
-    std::vector<Index> halfedges;
-    std::vector<double> begins;
-    double length = 0;
-  };
-  struct Location {
-    Index loop;
-    double along;
-  };
-
-  [[nodiscard]] std::optional<Location> locate(const SurfacePoint& point) const {
-    for (int i = 0; i < 3; ++i) {  // a vertex, perhaps named by a face inside
-      if (point.barycentric[i] != 1) continue;
-      const Index h = mesh_.outgoing(mesh_.faces()(point.face, i));
-      if (mesh_.twin(h) != no_index) return std::nullopt;
-      const auto [loop, number] = place_[at(h)];
-      return Location{loop, loops_[at(loop)].begins[at(number)]};
-    }
-    for (int i = 0; i < 3; ++i) {
-      const Index h = 3 * point.face + i;
-      if (mesh_.twin(h) != no_index || point.barycentric[(i + 2) % 3] != 0) continue;
-      const auto [loop, number] = place_[at(h)];
-      return Location{
-          loop, loops_[at(loop)].begins[at(number)] + point.barycentric[(i + 1) % 3] * mesh_.edge_vector(h).norm()};
-    }
-    return std::nullopt;
-  }
-
-  const TriangleMesh<double>& mesh_;
-  std::vector<Loop> loops_;
-  std::vector<std::array<Index, 2>> place_;  // loop and number in it, of each half-edge
-};
 
 /// Splits polygons by the middles of their edges and their centres, and moves these onto the mesh.
 class SplitPlacer {
@@ -88,7 +13,7 @@ class SplitPlacer {
   /// \pre sources: one point of the mesh a position; positions of corners used by polygons are at their sources
   SplitPlacer(const TriangleMesh<double>& mesh, const std::vector<Vector3>& positions,
               const std::vector<SurfacePoint>& sources, const std::vector<SplitPolygon>& polygons)
-      : mesh_(mesh), loops_(mesh), tree_(mesh) {
+      : mesh_(mesh), border_(mesh, border_marks(mesh)), tree_(mesh) {
     split(positions, sources, polygons);
     find_incident();
   }
@@ -294,7 +219,7 @@ class SplitPlacer {
     vertex.goal = nearest(v, vertex.flat);
   }
   [[nodiscard]] std::optional<SurfacePoint> on_border(const Vertex& vertex, double share) const {
-    return loops_.between(vertices_[at(vertex.anchors[0])].goal, vertices_[at(vertex.anchors[1])].goal, share);
+    return border_.between(vertices_[at(vertex.anchors[0])].goal, vertices_[at(vertex.anchors[1])].goal, share);
   }
 
   /// All at once to their goals; what a quad cannot bear goes back step by step, at last to where it is flat.
@@ -461,7 +386,7 @@ class SplitPlacer {
   }
 
   const TriangleMesh<double>& mesh_;
-  BoundaryLoops loops_;
+  EdgeCurves border_;
   ClosestPoint tree_;
   std::vector<Vertex> vertices_;  // corners first
   Index corners_ = 0;
