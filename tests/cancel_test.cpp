@@ -1,11 +1,13 @@
 #include <atomic>
 
 #include "quadrig/constraints/posed_metric.hpp"
+#include "quadrig/io.hpp"
 #include "quadrig/pipeline.hpp"
 #include "quadrig/samples.hpp"
 #include "test.hpp"
 
 using namespace quadrig;
+using namespace quadrig::test;
 
 namespace {
 
@@ -59,6 +61,30 @@ TEST_CASE("cancel: from any poll on the job stops, and soon", "[cancel][pipeline
   }
 }
 
+TEST_CASE("cancel: files stop being read and mended from any poll on", "[cancel][io][fast]") {
+  const Asset asset = pear(8000);
+  const ScratchFolder folder("cancel");
+  REQUIRE(write_obj(folder / "a.obj", asset.mesh.positions(), asset.mesh.faces()).ok());
+  REQUIRE(write_tgf(folder / "a.tgf", asset.rig->skeleton).ok());
+  REQUIRE(write_dmat(folder / "a.dmat", asset.rig->weights).ok());
+  const AssetFiles files{folder / "a.obj", folder / "a.tgf", folder / "a.dmat"};
+  Polls whole;
+  Context counting = whole.context(1);
+  REQUIRE(load_asset(files, {}, counting).has_value());
+  const long polls = whole.count;
+  CHECK(polls > 15);
+  for (long k = 0; k < polls; ++k) {
+    Polls part;
+    part.last = k;
+    CAPTURE(k);
+    Context context = part.context(1);
+    const auto stopped = load_asset(files, {}, context);
+    REQUIRE_FALSE(stopped);
+    CHECK(stopped.error().code == ErrorCode::cancelled);
+    CHECK(part.count - part.last < 10);
+  }
+}
+
 TEST_CASE("cancel: loops over faces and rows ask every so many", "[cancel][fast]") {
   const Asset asset = pear(12'000);
   const Index m = asset.mesh.face_count();
@@ -73,6 +99,9 @@ TEST_CASE("cancel: loops over faces and rows ask every so many", "[cancel][fast]
   CHECK(asked() > static_cast<long>(asset.rig->skeleton.bones.size()));
   REQUIRE(posed_metric(asset.mesh, *forms, {}, {}, context).has_value());
   CHECK(asked() >= m / 256);
+
+  REQUIRE(Dominance::create(asset.mesh, *asset.rig, &context).has_value());
+  CHECK(asked() >= 3);
 
   QuadraticForm<double> form(m);
   const RowTerm chain{"chain", [&](EmitRow<double> emit) {  // two rows a face

@@ -268,6 +268,20 @@ TEST_CASE("remesh: every stage solves with the backend that is asked for, and te
   CHECK(named.mesh.positions == own.mesh.positions);
 }
 
+TEST_CASE("remesh: a surface that no map fits leaves the ladder once its work is spent", "[pipeline][slow]") {
+  for (const SyntheticCase& c : synthetic_cases()) {
+    if (c.name != "cone_sharp") continue;
+    const Asset asset = asset_of(c.make());
+    Context context;
+    const auto result = remesh(asset, wanting(5000), context);
+    REQUIRE(result);
+    check_result(asset, *result);
+    const ComponentReport& part = result->report.components.front();
+    CHECK(std::any_of(part.reasons.begin(), part.reasons.end(),
+                      [](const std::string& reason) { return reason.find("share of the work") != std::string::npos; }));
+  }
+}
+
 TEST_CASE("remesh: units and places do not matter", "[pipeline]") {
   using namespace synthetic;
   const Soup soup = clipped(torus_mesh(30, 14, 1, 0.35), [](const Vector3& p) { return p[0] - 1.2; });

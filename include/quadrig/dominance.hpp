@@ -20,9 +20,10 @@ class Dominance {
   /// \pre weights have one row a vertex
   /// \cost O(stored weights) time and memory. Source: thesis 4.1.
   /// \fails bad_input where the weights have another number of rows than the mesh has vertices, or of columns than the
-  ///   skeleton has bones.
+  ///   skeleton has bones; cancelled, where there is a context to ask.
   template <class Scalar>
-  [[nodiscard]] static Expected<Dominance> create(const TriangleMesh<Scalar>& mesh, const Rig& rig);
+  [[nodiscard]] static Expected<Dominance> create(const TriangleMesh<Scalar>& mesh, const Rig& rig,
+                                                  const Context* context = nullptr);
 
   [[nodiscard]] Index face_count() const { return static_cast<Index>(starts_.size()) - 1; }
   /// Bones with a positive share of a face, falling weight, ties by bone index.
@@ -51,7 +52,8 @@ class Dominance {
 };
 
 template <class Scalar>
-Expected<Dominance> Dominance::create(const TriangleMesh<Scalar>& mesh, const Rig& rig) {
+Expected<Dominance> Dominance::create(const TriangleMesh<Scalar>& mesh, const Rig& rig, const Context* context) {
+  const auto cancelled = [&](Index i) { return i % 16'384 == 0 && context && context->cancelled(); };
   const SkinWeights& weights = rig.weights;
   if (weights.rows() != mesh.vertex_count())
     return Error{
@@ -69,6 +71,7 @@ Expected<Dominance> Dominance::create(const TriangleMesh<Scalar>& mesh, const Ri
   std::vector<double> sum(static_cast<std::size_t>(weights.cols()), 0.0);
   std::vector<Index> touched;
   for (Index f = 0; f < mesh.face_count(); ++f) {
+    if (cancelled(f)) return cancelled_error("dominance");
     for (int corner = 0; corner < 3; ++corner)
       for (SkinWeights::InnerIterator entry(weights, mesh.faces()(f, corner)); entry; ++entry) {
         if (!(entry.value() > 0)) continue;
@@ -89,6 +92,7 @@ Expected<Dominance> Dominance::create(const TriangleMesh<Scalar>& mesh, const Ri
 
   result.vertex_omega1_.assign(static_cast<std::size_t>(mesh.vertex_count()), 0.0);
   for (Index v = 0; v < mesh.vertex_count(); ++v) {
+    if (cancelled(v)) return cancelled_error("dominance");
     double first = 0, second = 0;
     for (SkinWeights::InnerIterator entry(weights, v); entry; ++entry) {
       if (entry.value() > first)
@@ -100,6 +104,7 @@ Expected<Dominance> Dominance::create(const TriangleMesh<Scalar>& mesh, const Ri
   }
   result.gradient_.setZero(mesh.face_count(), 3);
   for (Index f = 0; f < mesh.face_count(); ++f) {
+    if (cancelled(f)) return cancelled_error("dominance");
     if (!(mesh.area(f) > 0)) continue;
     Vector3 gradient = Vector3::Zero();
     for (Index h = 3 * f; h < 3 * f + 3; ++h) {

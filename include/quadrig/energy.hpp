@@ -218,6 +218,18 @@ class QuadraticForm {
   // Asks at every so many rows; what is assembled is of no use then.
   [[nodiscard]] bool cancelled(std::size_t row) const { return row % 8192 == 0 && context_ && context_->cancelled(); }
 
+  // To so many zeros, in steps: the first touch of much memory takes its time. False once cancelled.
+  template <class T>
+  [[nodiscard]] bool grow(std::vector<T>& list, std::size_t size) const {
+    list.clear();
+    list.reserve(size);
+    while (list.size() < size) {
+      if (cancelled(0)) return false;
+      list.resize(std::min(size, list.size() + (std::size_t{1} << 20)));
+    }
+    return !cancelled(0);
+  }
+
   // Finds the unknowns of every row, the union of their products, and for each product its place in that union.
   Status build_pattern(std::span<const TermRef<K>> terms) {
     ++version_;
@@ -275,8 +287,8 @@ class QuadraticForm {
       Index row;
       Index number;
     };
-    std::vector<Product> by_column(products);
-    if (cancelled(0)) return {};
+    std::vector<Product> by_column;
+    if (!grow(by_column, products)) return {};
     {
       std::vector<std::size_t> next(starts.begin(), starts.end() - (n > 0 ? 1 : 0));
       Index number = 0;
@@ -285,8 +297,7 @@ class QuadraticForm {
       });
     }
     if (cancelled(0)) return {};
-    places_.resize(products);
-    if (cancelled(0)) return {};
+    if (!grow(places_, products)) return {};
     matrix_.size = free_unknowns;
     matrix_.column_starts.assign(1, 0);
     matrix_.column_starts.reserve(n + 1);

@@ -48,7 +48,8 @@ struct FileLimits {
 
 /// libigl's DMAT, columns × rows then the values by column; ascii, or binary after a line `0 0` and a second line with
 /// the counts. \return rows × columns, all finite.
-[[nodiscard]] Expected<Eigen::MatrixXd> read_dmat(const std::filesystem::path& path, const FileLimits& limits);
+[[nodiscard]] Expected<Eigen::MatrixXd> read_dmat(const std::filesystem::path& path, const FileLimits& limits,
+                                                  const Context* context = nullptr);
 
 // Writers. The file is written beside its place under a temporary name and renamed, so a failure leaves an older file
 // as it was and nothing half-written. Numbers have 17 significant digits: reading them back gives the same bits.

@@ -22,7 +22,8 @@ std::string reason() { return std::strerror(errno); }
 
 }  // namespace
 
-Expected<std::string> io::read_file(const std::filesystem::path& path, const FileLimits& limits) {
+Expected<std::string> io::read_file(const std::filesystem::path& path, const FileLimits& limits,
+                                    const Context* context) {
   std::error_code ignored;
   if (std::filesystem::is_directory(path, ignored)) return file_error(path, "is a folder", "name a file");
   errno = 0;
@@ -41,7 +42,9 @@ Expected<std::string> io::read_file(const std::filesystem::path& path, const Fil
   // The announced size is a hint only: pipes and growing files are read to their end, within the limit.
   for (constexpr std::size_t step = std::size_t{1} << 20;;) {
     const std::size_t had = bytes.size();
-    const std::size_t want = bytes.capacity() > had ? bytes.capacity() - had : step;
+    const std::size_t room = bytes.capacity() > had ? bytes.capacity() - had : step;
+    const std::size_t want = std::min(room, 8 * step);
+    if (context && context->cancelled()) return cancelled_error("read");
     bytes.resize(had + want);
     const std::size_t got = std::fread(bytes.data() + had, 1, want, file.get());
     bytes.resize(had + got);

@@ -44,7 +44,7 @@ Expected<LoadedAsset> load_asset(const AssetFiles& files, const LoadOptions& opt
           return Error{ErrorCode::bad_input, bone.name + " has zero length", files.rig.string(),
                        "mend the file, or leave out the strict option"};
     if (!files.weights.empty()) {
-      Expected<Eigen::MatrixXd> dense = read_dmat(files.weights, options.limits);
+      Expected<Eigen::MatrixXd> dense = read_dmat(files.weights, options.limits, &context);
       if (!dense) return dense.error();
       if (dense->cols() != skeleton->bone_count())
         return Error{ErrorCode::bad_input,
@@ -56,6 +56,7 @@ Expected<LoadedAsset> load_asset(const AssetFiles& files, const LoadOptions& opt
                      std::to_string(dense->rows()) + " rows of weights for the " +
                          std::to_string(polygons->vertex_count()) + " vertices of " + files.mesh.string(),
                      files.weights.string(), "give one row for each vertex"};
+      if (context.cancelled()) return cancelled_error("read");
       weights = dense->sparseView();
     }
   }

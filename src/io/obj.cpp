@@ -73,7 +73,7 @@ Index texture_of(std::string_view corner, std::int64_t so_far) {
 }  // namespace
 
 Expected<PolygonMesh> read_obj(const std::filesystem::path& path, const FileLimits& limits, Context& context) {
-  Expected<std::string> text = io::read_file(path, limits);
+  Expected<std::string> text = io::read_file(path, limits, &context);
   if (!text) return text.error();
 
   PolygonMesh mesh;
@@ -92,6 +92,7 @@ Expected<PolygonMesh> read_obj(const std::filesystem::path& path, const FileLimi
     const std::string_view keyword = lines.word();
     if (keyword.empty()) continue;
     const std::size_t line = lines.line();
+    if (line % 16'384 == 0 && context.cancelled()) return cancelled_error("read");
     if (keyword == "v") {
       for (int i = 0; i < 3; ++i) {
         double value = 0;

@@ -3,10 +3,10 @@
 
 namespace quadrig {
 
-Expected<PolygonMesh> read_off(const std::filesystem::path& path, const FileLimits& limits, Context&) {
+Expected<PolygonMesh> read_off(const std::filesystem::path& path, const FileLimits& limits, Context& context) {
   using io::at_line;
   using io::shown;
-  Expected<std::string> text = io::read_file(path, limits);
+  Expected<std::string> text = io::read_file(path, limits, &context);
   if (!text) return text.error();
   io::Cursor cursor(*text);
 
@@ -38,6 +38,7 @@ Expected<PolygonMesh> read_off(const std::filesystem::path& path, const FileLimi
   PolygonMesh mesh;
   mesh.positions.resize(static_cast<Eigen::Index>(counts[0]), 3);
   for (Index v = 0; v < mesh.vertex_count(); ++v) {
+    if (v % 16'384 == 0 && context.cancelled()) return cancelled_error("read");
     for (int i = 0; i < 3; ++i) {
       word = i == 0 ? cursor.word_across('#') : cursor.word('#');
       if (word.empty())
@@ -54,6 +55,7 @@ Expected<PolygonMesh> read_off(const std::filesystem::path& path, const FileLimi
   mesh.first_corner.push_back(0);
   std::vector<Index> polygon;
   for (std::int64_t f = 0; f < counts[1]; ++f) {
+    if (f % 16'384 == 0 && context.cancelled()) return cancelled_error("read");
     word = cursor.word_across('#');
     std::int64_t corners = 0;
     if (word.empty())

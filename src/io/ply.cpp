@@ -111,8 +111,8 @@ class Body {
 
 }  // namespace
 
-Expected<PolygonMesh> read_ply(const std::filesystem::path& path, const FileLimits& limits, Context&) {
-  Expected<std::string> text = io::read_file(path, limits);
+Expected<PolygonMesh> read_ply(const std::filesystem::path& path, const FileLimits& limits, Context& context) {
+  Expected<std::string> text = io::read_file(path, limits, &context);
   if (!text) return text.error();
   io::Cursor cursor(*text);
   const auto header_error = [&](std::string what) {
@@ -207,6 +207,7 @@ Expected<PolygonMesh> read_ply(const std::filesystem::path& path, const FileLimi
       has_faces = true;
     }
     for (std::int64_t row = 0; row < element.count; ++row) {
+      if (row % 16'384 == 0 && context.cancelled()) return cancelled_error("read");
       const auto row_error = [&](const std::string& what) {
         return body_error(what + " in entry " + std::to_string(row) + " of element " + shown(element.name));
       };

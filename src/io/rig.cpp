@@ -91,8 +91,9 @@ Expected<Skeleton> read_tgf(const std::filesystem::path& path, const FileLimits&
   return skeleton;
 }
 
-Expected<Eigen::MatrixXd> read_dmat(const std::filesystem::path& path, const FileLimits& limits) {
-  Expected<std::string> text = io::read_file(path, limits);
+Expected<Eigen::MatrixXd> read_dmat(const std::filesystem::path& path, const FileLimits& limits,
+                                    const Context* context) {
+  Expected<std::string> text = io::read_file(path, limits, context);
   if (!text) return text.error();
   io::Cursor cursor(*text);
   std::int64_t columns = 0, rows = 0;
@@ -128,6 +129,7 @@ Expected<Eigen::MatrixXd> read_dmat(const std::filesystem::path& path, const Fil
     return matrix;
   }
   for (Eigen::Index i = 0; i < matrix.size(); ++i) {
+    if (i % 65536 == 0 && context && context->cancelled()) return cancelled_error("read");
     const std::string_view word = cursor.word_across();
     if (word.empty())
       return at_line(path, cursor.line(), "the text ends after " + std::to_string(i) + " of " + announced,

@@ -10,8 +10,10 @@
 
 namespace quadrig::io {
 
-/// A file's bytes. \fails bad_file: not there, a folder, not readable, larger than the limit.
-[[nodiscard]] Expected<std::string> read_file(const std::filesystem::path& path, const FileLimits& limits);
+/// A file's bytes. \fails bad_file: not there, a folder, not readable, larger than the limit; cancelled, where there is
+/// a context to ask.
+[[nodiscard]] Expected<std::string> read_file(const std::filesystem::path& path, const FileLimits& limits,
+                                              const Context* context = nullptr);
 
 [[nodiscard]] inline Error at_line(const std::filesystem::path& path, std::size_t line, std::string what,
                                    std::string remedy) {

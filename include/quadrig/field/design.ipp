@@ -137,6 +137,7 @@ Expected<FieldResult> finish_field(const FieldProblem<Scalar>& problem, PolyVect
                                    const BasicFieldOptions<Scalar>& options, FieldReport report,
                                    const Context& context) {
   FieldResult result;
+  if (context.cancelled()) return cancelled_error("field");
   describe_polynomial(polynomial, report);
   if (context.cancelled()) return cancelled_error("field");
   describe_bones(problem, polynomial, report);
@@ -154,6 +155,7 @@ Expected<FieldResult> finish_field(const FieldProblem<Scalar>& problem, PolyVect
   report.singularities_plus = result.singularities.plus;
   report.singularities_minus = result.singularities.minus;
   report.singularities_boundary = result.singularities.boundary;
+  if (context.cancelled()) return cancelled_error("field");
   report.index_sum = result.singularities.sum;
   report.euler_characteristic = euler_characteristic(*problem.mesh);
   result.report = std::move(report);
@@ -362,8 +364,10 @@ Expected<FieldResult> design_smooth_field(const FieldProblem<Scalar>& problem, c
                                                   options.merge_quads * options.quad_edge);
   for (std::size_t c = 0; c < scales.area.size(); ++c)
     report.smoothing_length = std::max(report.smoothing_length, scales.average[c] * std::sqrt(scales.area[c]));
+  if (context.cancelled()) return cancelled_error("field");
   auto solver = BasicFieldSolver<Scalar>::create(mesh, connection, factory_of(options));
   if (!solver) return solver.error();
+  if (context.cancelled()) return cancelled_error("field");
 
   PolyVectorTargets targets = PolyVectorTargets::none(mesh.face_count());
   const double bone_weight = options.bone_weight.value_or(flat ? 0.0 : 1.0);
@@ -371,6 +375,7 @@ Expected<FieldResult> design_smooth_field(const FieldProblem<Scalar>& problem, c
   std::vector<double> beta(m, 0.5);
   if (problem.dominance && bone_weight > 0) {
     add_targets(targets, bone_targets(mesh, connection, *problem.skeleton, *problem.dominance), bone_weight);
+    if (context.cancelled()) return cancelled_error("field");
     for (std::size_t f = 0; f < m; ++f) beta[f] = bone_beta(*problem.dominance, static_cast<Index>(f));
   }
   if (curvature_weight > 0) {
@@ -457,12 +462,14 @@ Expected<FieldResult> design_smooth_field(const FieldProblem<Scalar>& problem, c
   auto solved = solver->minimize(systems, context);
   if (!solved) return solved.error();
   PolyVectorField polynomial{std::move((*solved)[0]), skewed ? std::move((*solved)[1]) : std::vector<Complex>(m)};
+  if (context.cancelled()) return cancelled_error("field");
   const std::span<const Complex> x0 = polynomial.x0, x1 = polynomial.x1;
   report.energy_align =
       energy_of<Complex>(Alignment<>(targets.x0, align), x0) + energy_of<Complex>(Alignment<>(targets.x1, align), x1);
   report.energy_smooth = smoothness_energy(problem, 4, smoothness, x0) + smoothness_energy(problem, 2, smoothness, x1);
   report.energy_orth = energy_of<Complex>(Orthogonality<>(orthogonality), x1);
 
+  if (context.cancelled()) return cancelled_error("field");
   if (options.merge_rounds > 0) {
     auto merged = merge_singularities(*solver, systems.front(), scales, options, polynomial.x0, report, context);
     if (!merged) return merged.error();
@@ -507,7 +514,7 @@ Expected<FieldResult> design_field(const TriangleMesh<Scalar>& mesh, const Rig* 
   report.faces = mesh.face_count();
   report.interior_edges = mesh.interior_edge_count();
   if (rig) {
-    auto dominance = Dominance::create(mesh, *rig);
+    auto dominance = Dominance::create(mesh, *rig, &context);
     if (!dominance) return dominance.error();
     problem.dominance = std::move(*dominance);
     problem.skeleton = &rig->skeleton;

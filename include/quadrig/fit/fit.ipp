@@ -38,7 +38,7 @@ namespace detail {
 class Fitter {
  public:
   Fitter(const TriangleMesh<double>& mesh, const FitTargets& targets, std::vector<char> held, const FitOptions& options,
-         QuadMesh& quads)
+         QuadMesh& quads, const Context& context)
       : mesh_(mesh),
         targets_(targets),
         options_(options),
@@ -65,6 +65,7 @@ class Fitter {
     direction_.assign(m, Vector3::Zero());
     centre_.resize(m);
     for (Index q = 0; q < quads.quad_count(); ++q) {
+      if (q % 1024 == 0 && context.cancelled()) return;
       if (!targets.weight.empty()) {
         weight_[at(q)] = 0;
         for (int i = 0; i < 4; ++i) weight_[at(q)] += targets.weight[at(face(q, i))] / 4;
@@ -78,6 +79,7 @@ class Fitter {
 
   FitReport run(Context& context) {
     FitReport report;
+    if (context.cancelled()) return report;
     double area = 0;
     for (Index q = 0; q < quads_.quad_count(); ++q) area += area_of(q);
     if (!(area > 0)) return report;
@@ -398,7 +400,7 @@ class Fitter {
 
 QUADRIG_INLINE FitReport fit(const TriangleMesh<double>& mesh, const FitTargets& targets, std::vector<char> held,
                              const FitOptions& options, QuadMesh& quads, Context& context) {
-  return detail::Fitter(mesh, targets, std::move(held), options, quads).run(context);
+  return detail::Fitter(mesh, targets, std::move(held), options, quads, context).run(context);
 }
 
 }  // namespace quadrig

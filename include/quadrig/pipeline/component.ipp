@@ -397,7 +397,7 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
       std::vector<std::int8_t> rotation(at(mesh.halfedge_count()));
       for (std::size_t h = 0; h < rotation.size(); ++h)
         rotation[h] = static_cast<std::int8_t>(field->matching.r[h] & 3);
-      const CutGraph cut = make_cut_graph(mesh, rotation, index);
+      const CutGraph cut = make_cut_graph(mesh, rotation, index, &context);
       if (context.cancelled()) return cancelled_error("remesh");
       const Alignment alignment(mesh, connection, cut, *field, frames, piece.kept);
       if (context.cancelled()) return cancelled_error("remesh");
@@ -409,6 +409,7 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
       Expected<MapOutput> mapped =
           alignment.any ? map_stage<double>(input, options, result.seconds, result.backends, trouble, context)
                         : map_stage<Complex>(input, options, result.seconds, result.backends, trouble, context);
+      if (context.cancelled()) return cancelled_error("remesh");
       if (mapped && attempt.keeps && mapped->quads.quad_count() > 1.5 * quads) {
         leave("creases and features need " + std::to_string(mapped->quads.quad_count()) + " quads");
         break;

@@ -61,7 +61,7 @@ inline std::string count_of(Index n, const char* what) { return std::to_string(n
 /// Quads with their places, or the first reason why they are not a mesh like the surface.
 [[nodiscard]] inline Expected<QuadMesh> placed_quads(const TriangleMesh<double>& mesh, ExtractedQuads extracted,
                                                      function_ref<SurfacePoint(const SurfacePoint&)> place, Index euler,
-                                                     Index loops) {
+                                                     Index loops, const Context& context) {
   const QuadTopology topology = quad_topology(extracted.quads, static_cast<Index>(extracted.vertices.size()));
   if (!topology.defect.empty()) return map_error(topology.defect);
   if (topology.euler != euler || topology.boundary_loops != loops)
@@ -71,6 +71,7 @@ inline std::string count_of(Index n, const char* what) { return std::to_string(n
   quads.source = std::move(extracted.vertices);
   quads.positions.resize(static_cast<Eigen::Index>(quads.source.size()), 3);
   for (std::size_t v = 0; v < quads.source.size(); ++v) {
+    if (v % 1024 == 0 && context.cancelled()) return cancelled_error("extraction");
     quads.source[v] = place(quads.source[v]);
     quads.positions.row(static_cast<Eigen::Index>(v)) = position(mesh, quads.source[v]).transpose();
   }
@@ -102,7 +103,7 @@ template <class K>
   const Index euler = euler_characteristic(mesh), loops = boundary_loop_count(mesh);
 
   const auto singular = std::count_if(in.index.begin(), in.index.end(), [](Index i) { return i != 0; });
-  Expected<MapUnknowns<K>> unknowns = MapUnknowns<K>::create(mesh, in.cut, in.index, in.aligned);
+  Expected<MapUnknowns<K>> unknowns = MapUnknowns<K>::create(mesh, in.cut, in.index, in.aligned, &context);
   if (!unknowns) return unknowns.error();
   if (context.cancelled()) return cancelled_error("seamless map");
 
@@ -174,6 +175,7 @@ template <class K>
   if (!valid) return map_error(out.reasons.back());
   trouble.clear();
 
+  if (context.cancelled()) return cancelled_error("coarse map");
   const double scale = std::sqrt(in.quads / map_area(z));
   for (Complex& p : z) p *= scale;
   const CoarseMap coarse = decimate_map(mesh, in.cut, in.index, in.aligned, z, &context);
@@ -199,7 +201,8 @@ template <class K>
     if (!extracted) return extracted.error();
     const auto on_surface = [&](const SurfacePoint& p) { return in.onto(place(p)); };
     if (context.cancelled()) return cancelled_error("extraction");
-    Expected<QuadMesh> quads = placed_quads(in.surface, std::move(*extracted), on_surface, euler, loops);
+    Expected<QuadMesh> quads = placed_quads(in.surface, std::move(*extracted), on_surface, euler, loops, context);
+    if (!quads && quads.error().code == ErrorCode::cancelled) return quads.error();
     lap(seconds.extraction);
     if (quads) {
       coarse_quads = std::move(*quads);
@@ -255,7 +258,7 @@ template <class K>
     Expected<ExtractedQuads> extracted = extract_quads(*grid, static_cast<std::size_t>(integers->quads + 0.5));
     if (!extracted) return extracted.error();
     if (context.cancelled()) return cancelled_error("extraction");
-    Expected<QuadMesh> quads = placed_quads(in.surface, std::move(*extracted), in.onto, euler, loops);
+    Expected<QuadMesh> quads = placed_quads(in.surface, std::move(*extracted), in.onto, euler, loops, context);
     lap(seconds.extraction);
     return quads;
   }();

@@ -89,6 +89,7 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
 
   RemeshResult result;
   const SizingOptions sizing = options.sizing.value_or(detail::preset_sizing(options.preset, asset.rig.has_value()));
+  if (context.cancelled()) return cancelled_error("remesh");
   const Connection<double> connection(mesh);
   if (context.cancelled()) return cancelled_error("remesh");
   context.progress("metric", 0);
@@ -100,7 +101,7 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
   FitTargets fit_targets;
   std::vector<double> omega1;
   if (asset.rig) {
-    Expected<Dominance> dominance = Dominance::create(mesh, *asset.rig);
+    Expected<Dominance> dominance = Dominance::create(mesh, *asset.rig, &context);
     if (!dominance) return dominance.error();
     for (Index f = 0; f < mesh.face_count(); ++f) {
       if (f % 4096 == 0 && context.cancelled()) return cancelled_error("remesh");

@@ -84,6 +84,7 @@ QUADRIG_INLINE Expected<Prepared> prepare(const PolygonMesh& input, const Vertex
         "weights", "give one row for each vertex of the mesh"};
   Expected<Triangulation> cut = triangulate(input);
   if (!cut) return cut.error();
+  if (context.cancelled()) return cancelled_error("prepare");
 
   Prepared result;
   PrepareReport& report = result.report;
@@ -109,18 +110,20 @@ QUADRIG_INLINE Expected<Prepared> prepare(const PolygonMesh& input, const Vertex
 
   // First what repeats another face: the two sides of a two-sided triangle would hide each other's open edges.
   Groups alone(work.source.size());
+  if (context.cancelled()) return cancelled_error("prepare");
   apply_groups(work, alone, report);
+  if (context.cancelled()) return cancelled_error("prepare");
   Groups welded = weld(work, options, report);
   if (context.cancelled()) return cancelled_error("prepare");
   apply_groups(work, welded, report);
   if (context.cancelled()) return cancelled_error("prepare");
-  make_manifold(work, options, report);
+  make_manifold(work, options, report, context);
   for (int pass = 0; pass < 8 && !context.cancelled(); ++pass) {
     Groups groups(work.source.size());
     if (!remove_flat_faces(work, options.flat_ratio, groups, report)) break;
     PrepareReport ignored;
     apply_groups(work, groups, ignored);
-    make_manifold(work, options, ignored);
+    make_manifold(work, options, ignored, context);
     report.components = ignored.components;
     report.closed_components = ignored.closed_components;
   }
@@ -156,6 +159,7 @@ QUADRIG_INLINE Expected<Prepared> prepare(const PolygonMesh& input, const Vertex
           number[static_cast<std::size_t>(work.faces[f][i])];
   result.source_polygon = std::move(work.polygon);
 
+  if (context.cancelled()) return cancelled_error("prepare");
   if (weights) {
     // Rows of the welded group of each kept vertex are averaged.
     std::vector<std::vector<Index>> others(static_cast<std::size_t>(input.vertex_count()));
@@ -167,6 +171,7 @@ QUADRIG_INLINE Expected<Prepared> prepare(const PolygonMesh& input, const Vertex
     std::vector<std::pair<Index, double>> row, total;
     std::vector<char> told(static_cast<std::size_t>(input.vertex_count()), 0);
     for (Index v = 0; v < count; ++v) {
+      if (v % 4096 == 0 && context.cancelled()) return cancelled_error("prepare");
       total.clear();
       double members = 0;
       for (const Index source : sources[static_cast<std::size_t>(v)]) {
@@ -200,10 +205,12 @@ QUADRIG_INLINE Expected<Prepared> prepare(const PolygonMesh& input, const Vertex
         if (sum > 0) entries.emplace_back(v, bone, sum / members);
       }
     }
+    if (context.cancelled()) return cancelled_error("prepare");
     result.weights.emplace(count, weights->cols());
     result.weights->setFromTriplets(entries.begin(), entries.end());
   }
 
+  if (context.cancelled()) return cancelled_error("prepare");
   Expected<TriangleMesh<double>> mesh = TriangleMesh<double>::create(std::move(positions), std::move(faces));
   if (!mesh) {
     Error error = mesh.error();
@@ -211,6 +218,7 @@ QUADRIG_INLINE Expected<Prepared> prepare(const PolygonMesh& input, const Vertex
     return error;
   }
   result.mesh = std::move(*mesh);
+  if (context.cancelled()) return cancelled_error("prepare");
   const std::vector<std::string> repairs = report.repairs();
   if (options.strict && !repairs.empty())
     return Error{ErrorCode::bad_input, "the input needs repair: " + repairs.front(), "mesh",

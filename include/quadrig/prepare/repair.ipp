@@ -381,8 +381,8 @@ inline bool part_edges(Work& work, const std::vector<Index>& twin) {
   return any;
 }
 
-/// Pairs, orients and splits until TriangleMesh's conditions hold.
-inline void make_manifold(Work& work, const PrepareOptions& options, PrepareReport& report) {
+/// Pairs, orients and splits until TriangleMesh's conditions hold, or until cancelled.
+inline void make_manifold(Work& work, const PrepareOptions& options, PrepareReport& report, const Context& context) {
   for (int pass = 0; pass < 100; ++pass) {
     std::vector<Index> twin(3 * work.faces.size(), no_index);
     PrepareReport ignored;
@@ -396,8 +396,11 @@ inline void make_manifold(Work& work, const PrepareOptions& options, PrepareRepo
         pair_around(work, edge, twin);
       }
     });
+    if (context.cancelled()) return;
     orient(work, twin, options, counts);
+    if (context.cancelled()) return;
     split_fans(work, twin, counts);
+    if (context.cancelled()) return;
     report.components = counts.components;
     report.closed_components = counts.closed_components;
     if (!part_edges(work, twin)) return;

@@ -69,6 +69,7 @@ class MapDecimator {
     crease_.assign(at(n), 0);
     mark_.assign(at(n), 0);
     for (Index h = 0; h < half_edges; ++h) {
+      if (cancelled(at(h))) return;
       origin_[at(h)] = mesh.origin(h);
       twin_[at(h)] = mesh.twin(h);
       vector_[at(h)] = z[at(mesh.next(h))] - z[at(h)];
@@ -87,6 +88,7 @@ class MapDecimator {
       }
     }
     for (Index v = 0; v < n; ++v) {
+      if (cancelled(at(v))) return;
       outgoing_[at(v)] = mesh.outgoing(v);
       pinned_[at(v)] = index[at(v)] != 0;
       if (mesh.outgoing(v) == no_index) {

@@ -35,7 +35,7 @@ namespace detail {
 
 /// Dual spanning tree by shortest paths over face centroids; returns combing per face and marks tree edges.
 inline std::vector<std::int8_t> comb_faces(const TriangleMesh<double>& mesh, const std::vector<std::int8_t>& rotation,
-                                           std::vector<std::int8_t>& in_tree) {
+                                           std::vector<std::int8_t>& in_tree, const Context* context) {
   const Index m = mesh.face_count();
   std::vector<double> distance(at(m), std::numeric_limits<double>::infinity());
   std::vector<Index> entered(at(m), no_index);
@@ -54,7 +54,8 @@ inline std::vector<std::int8_t> comb_faces(const TriangleMesh<double>& mesh, con
     if (done[at(seed)]) continue;
     distance[at(seed)] = 0;
     queue.push({0, seed});
-    while (!queue.empty()) {
+    for (std::size_t steps = 0; !queue.empty(); ++steps) {
+      if (steps % 8192 == 0 && context && context->cancelled()) return combing;
       const auto [d, f] = queue.top();
       queue.pop();
       if (done[at(f)]) continue;
@@ -82,14 +83,15 @@ inline std::vector<std::int8_t> comb_faces(const TriangleMesh<double>& mesh, con
 
 /// \pre `mesh` is connected; `rotation` is the matching (vector k of a face is vector k + r of the face across), twins
 ///   negated; `index` is the cone index I4 per vertex.
-/// \cost O(m log m).
+/// \cost O(m log m). Of no use once the context, where there is one, is cancelled.
 [[nodiscard]] inline CutGraph make_cut_graph(const TriangleMesh<double>& mesh, const std::vector<std::int8_t>& rotation,
-                                             const std::vector<Index>& index) {
+                                             const std::vector<Index>& index, const Context* context = nullptr) {
   using detail::at;
   const Index half_edges = mesh.halfedge_count(), n = mesh.vertex_count();
   CutGraph cut;
   std::vector<std::int8_t> in_tree;
-  cut.combing = detail::comb_faces(mesh, rotation, in_tree);
+  cut.combing = detail::comb_faces(mesh, rotation, in_tree, context);
+  if (context && context->cancelled()) return cut;
   cut.rotation.assign(at(half_edges), 0);
   std::vector<std::int8_t> on_cut(at(half_edges), 0);
   std::vector<Index> valence(at(n), 0);
@@ -158,9 +160,11 @@ inline std::vector<std::int8_t> comb_faces(const TriangleMesh<double>& mesh, con
       trace(h);
     }
 
+  if (context && context->cancelled()) return cut;
   cut.corner_rotation.assign(at(half_edges), 0);
   cut.corner_translation.resize(at(half_edges));
   for (Index v = 0; v < n; ++v) {
+    if (v % 8192 == 0 && context && context->cancelled()) return cut;
     Index start = mesh.outgoing(v);
     if (start == no_index) continue;
     const bool boundary = mesh.on_boundary(v);

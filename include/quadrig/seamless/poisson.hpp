@@ -96,6 +96,7 @@ template <class K>
                                                     std::vector<Complex>& z, Context& context) {
   using detail::at;
   const Index m = mesh.face_count();
+  if (context.cancelled()) return cancelled_error("seamless map");
   // Cotangents of the target triangles, bounded so that needles do not drown the rest.
   std::vector<double> cotangent(at(3 * m));
   for (Index f = 0; f < m; ++f) {
@@ -114,6 +115,7 @@ template <class K>
   Expected<AnySolver<K>> solver = options.solver.factory<K>()();
   if (!solver) return solver.error();
 
+  if (context.cancelled()) return cancelled_error("seamless map");
   std::vector<double> weight(at(m), 1.0), delta(at(m));
   TargetEdges wanted = target;  // with lengths that gave way
   const RowTerm poisson{"poisson", [&](EmitRow<K> emit) {

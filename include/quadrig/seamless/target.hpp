@@ -146,6 +146,7 @@ struct LogScaleReport {
   std::vector<double> x(at(2 * n));
   if (SolveInfo info = solver->solve(form.rhs(), x, context); !info.status.ok()) return info.status.error();
 
+  if (context.cancelled()) return cancelled_error("seamless map");
   std::vector<std::array<double, 2>> correction(at(m));
   std::vector<double> all;
   all.reserve(at(2 * m));
@@ -157,12 +158,14 @@ struct LogScaleReport {
       all.push_back(mean);
     }
   std::nth_element(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(all.size() / 2), all.end());
+  if (context.cancelled()) return cancelled_error("seamless map");
   const double median = all[all.size() / 2], bound = std::log(options.largest);
   for (Index h = 0; h < 3 * m; ++h) {
     const auto& [a, b] = correction[at(h / 3)];
     target[at(h)] = {target[at(h)].real() * std::exp(std::clamp(a - median, -bound, bound)),
                      target[at(h)].imag() * std::exp(std::clamp(b - median, -bound, bound))};
   }
+  if (context.cancelled()) return cancelled_error("seamless map");
   return LogScaleReport{solver->description()};
 }
 

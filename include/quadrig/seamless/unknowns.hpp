@@ -27,10 +27,11 @@ class MapUnknowns {
   static constexpr int components = std::is_same_v<K, Complex> ? 1 : 2;
 
   /// \pre for K = Complex nothing is aligned
-  /// \fails stage_failed where the constraints contradict each other.
+  /// \fails stage_failed where the constraints contradict each other; cancelled, where there is a context to ask.
   [[nodiscard]] static Expected<MapUnknowns> create(const TriangleMesh<double>& mesh, const CutGraph& cut,
                                                     const std::vector<Index>& index,
-                                                    const std::vector<Aligned>& aligned) {
+                                                    const std::vector<Aligned>& aligned,
+                                                    const Context* context = nullptr) {
     using detail::at;
     const Index n = mesh.vertex_count();
     const Index points = n + cut.branch_count;
@@ -101,7 +102,7 @@ class MapUnknowns {
                   result.project(result.edge_expression(mesh, cut, h), aligned[at(h)] == Aligned::v_constant ? 1 : 0)))
             return contradiction;
 
-    result.index_corners(mesh, cut);
+    if (!result.index_corners(mesh, cut, context)) return cancelled_error("seamless map");
     return result;
   }
 
@@ -189,11 +190,14 @@ class MapUnknowns {
     return sum;
   }
 
-  void index_corners(const TriangleMesh<double>& mesh, const CutGraph& cut) {
+  /// False once cancelled.
+  [[nodiscard]] bool index_corners(const TriangleMesh<double>& mesh, const CutGraph& cut, const Context* context) {
+    const auto cancelled = [&](Index h) { return h % 8192 == 0 && context && context->cancelled(); };
     const Index half_edges = mesh.halfedge_count();
     std::vector<LinearExpression<R>> corners(detail::at(components * half_edges));
     std::vector<char> used(detail::at(elimination_.variable_count()), 0);
     for (Index h = 0; h < half_edges; ++h) {
+      if (cancelled(h)) return false;
       const auto expression = corner_expression(mesh, cut, h);
       for (int c = 0; c < components; ++c) {
         auto& e = corners[detail::at(components * h + c)];
@@ -207,14 +211,20 @@ class MapUnknowns {
         unknown_of_[detail::at(v)] = static_cast<Index>(integer_.size());
         integer_.push_back(elimination_.kind(v) == Kind::integer);
       }
-    for (const auto& e : corners) corners_.push(e, unknown_of_);
+    for (std::size_t k = 0; k < corners.size(); ++k) {
+      if (cancelled(static_cast<Index>(k % 8192))) return false;
+      corners_.push(corners[k], unknown_of_);
+    }
     const R minus_one = R{} - one_of(R{});
-    for (Index h = 0; h < half_edges; ++h)
+    for (Index h = 0; h < half_edges; ++h) {
+      if (cancelled(h)) return false;
       for (int c = 0; c < components; ++c) {
         LinearExpression<R> difference = corners[detail::at(components * mesh.next(h) + c)];
         accumulate(difference, corners[detail::at(components * h + c)], minus_one);
         edges_.push(difference, unknown_of_);
       }
+    }
+    return true;
   }
 
   Elimination<R> elimination_;

@@ -347,6 +347,11 @@ class ClusteredDissection {
     std::vector<Index> cluster(at(n), no_index), queue;
     Index count = 0;
     for (Index root = 0; root < n; ++root) {
+      if (root % 65536 == 0 && context_.cancelled()) {  // each by itself will do
+        for (Index v = root; v < n; ++v)
+          if (cluster[at(v)] == no_index) cluster[at(v)] = count++;
+        break;
+      }
       if (cluster[at(root)] != no_index) continue;
       queue.assign(1, root);
       cluster[at(root)] = count;
@@ -375,6 +380,7 @@ class ClusteredDissection {
     for (Index v = 0; v < n; ++v) piece.members[at(next[at(cluster[at(v)])]++)] = v;
     std::vector<Index> mark(at(count), no_index);
     for (Index c = 0; c < count; ++c) {
+      if (c % 8192 == 0 && context_.cancelled()) return piece;
       mark[at(c)] = c;
       for (const Index v : piece.of(c))
         for (const Index u : graph_.around(v)) {

@@ -70,6 +70,7 @@ class SupernodalCholesky {
       panels_.resize(std::min(symbolic.entries(), panels_.size() + (std::size_t{1} << 20)));
     }
     for (std::size_t e = 0; e < values_.size(); ++e) {
+      if (e % (std::size_t{1} << 18) == 0 && context.cancelled()) return cancelled_error("solver supernodal");
       const std::int64_t place = symbolic.place[e];
       if (place >= 0)
         panels_[static_cast<std::size_t>(place)] = values_[e];
@@ -243,8 +244,13 @@ class SupernodalCholesky {
       }
     };
     walk([](Index, std::size_t, std::size_t) { return true; });
-    for (std::size_t k = 0; k < 2; ++k)
-      if (stacks[k].size() < peak[k]) stacks[k].resize(peak[k]);
+    for (std::size_t k = 0; k < 2; ++k) {
+      stacks[k].reserve(peak[k]);
+      while (stacks[k].size() < peak[k]) {
+        if (context.cancelled()) return;
+        stacks[k].resize(std::min(peak[k], stacks[k].size() + (std::size_t{1} << 20)));
+      }
+    }
     walk([&](Index s, std::size_t parity, std::size_t begin) {
       if (s != root) run.square[at(s)] = stacks[parity].data() + begin;
       return !context.cancelled() && eliminate(run, s, nullptr, context);

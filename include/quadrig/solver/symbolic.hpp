@@ -32,7 +32,7 @@ struct SymbolicFactor {
 /// Source: Liu 1990 (elimination tree), Gilbert, Ng and Peyton 1994 (counts), Ashcraft and Grimes 1989 (relaxation).
 class SymbolicBuilder {
  public:
-  /// `context` is asked between passes, where there is one.
+  /// `context` is asked every so many columns, where there is one.
   SymbolicBuilder(Index size, std::span<const Index> column_starts, std::span<const Index> rows,
                   const Context* context = nullptr)
       : n_(size), column_starts_(column_starts), rows_(rows), context_(context) {}
@@ -66,8 +66,10 @@ class SymbolicBuilder {
   [[nodiscard]] bool cancelled() const { return context_ && context_->cancelled(); }
   template <class Body>
   void for_each_entry(Body&& body) const {
-    for (std::size_t j = 0; j < at(n_); ++j)
+    for (std::size_t j = 0; j < at(n_); ++j) {
+      if (j % 65536 == 0 && cancelled()) return;
       for (auto e = at(column_starts_[j]); e < at(column_starts_[j + 1]); ++e) body(e, at(rows_[e]), j);
+    }
   }
 
   // For each column the positions of its entries before it (upper) by elimination.
@@ -158,6 +160,7 @@ class SymbolicBuilder {
       const auto [low, high] = std::minmax(position_[i], position_[j]);
       after[at(next[at(low)]++)] = high;
     });
+    if (cancelled()) return;
 
     std::vector<Index> first(at(n_), no_index), latest(at(n_), no_index), leaf(at(n_), no_index), set(at(n_));
     std::iota(set.begin(), set.end(), Index{0});
@@ -287,6 +290,7 @@ class SymbolicBuilder {
     factor.first_in_tree.resize(count);
     std::vector<Index>& rows = factor.rows;
     for (std::size_t s = 0; s < count; ++s) {
+      if (s % 4096 == 0 && cancelled()) return;
       const auto me = static_cast<Index>(s);
       const Index last = first_[s + 1] - 1;
       const std::size_t begin = rows.size();
@@ -313,6 +317,7 @@ class SymbolicBuilder {
     }
     factor.first = first_;
     factor.parent = super_parent_;
+    if (cancelled()) return;
     factor.relative.resize(rows.size());
     for (std::size_t s = 0; s < count; ++s) {
       if (super_parent_[s] == no_index) continue;
