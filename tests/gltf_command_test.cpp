@@ -4,12 +4,6 @@
 using namespace quadrig;
 using namespace quadrig::test;
 
-namespace {
-
-bool has(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
-
-}  // namespace
-
 TEST_CASE("command: a part of a glTF file that fails stays, is told, and is exit code 9", "[cli][gltf][fast]") {
   const ScratchFolder folder("gltf-command");
   write_text(folder / "in.glb", tube_file({.broken = true}));

@@ -62,8 +62,8 @@ QUADRIG_C_API quadrig_job* quadrig_job_create(void);
 QUADRIG_C_API void quadrig_job_destroy(quadrig_job* job);
 /* Most threads that a call uses; 0, the default: as many as the machine has. Results do not depend on it. */
 QUADRIG_C_API void quadrig_job_set_threads(quadrig_job* job, uint32_t threads);
-/* Calls that may need more bytes end with quadrig_out_of_memory before they take them; files larger than a fourth of it are
-   refused as they are read. 0, the default: no limit. The need is estimated from above, from triangles, bones and
+/* Calls that may need more bytes end with quadrig_out_of_memory before they take them; files larger than a fourth of it
+   are refused as they are read. 0, the default: no limit. The need is estimated from above, from triangles, bones and
    quads. */
 QUADRIG_C_API void quadrig_job_set_memory_limit(quadrig_job* job, uint64_t bytes);
 /* `stage` names what goes on, `fraction` is the share of the whole that is done, from 0 to 1. Called from the thread

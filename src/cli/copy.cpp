@@ -5,11 +5,11 @@
 namespace quadrig::cli {
 namespace {
 
-struct Options {
+struct CopyCommand {
   std::filesystem::path input, output;
 };
 
-Status copy(const Options& options, Session& session) {
+Status copy(const CopyCommand& options, Session& session) {
   Input input;
   input.files.mesh = options.input;
   if (Status status = check_outputs(input, {options.output}); !status) return status;
@@ -25,7 +25,7 @@ Status copy(const Options& options, Session& session) {
 }  // namespace
 
 void add_copy(CLI::App& app, Run& run) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<CopyCommand>();
   CLI::App* verb = app.add_subcommand("copy", "A glTF file as it is, or from .glb to .gltf and back");
   verb->add_option("IN", options->input, "A .glb or .gltf file")->required()->type_name("");
   verb->add_option("OUT", options->output, "The same, .glb or .gltf")->required()->type_name("");

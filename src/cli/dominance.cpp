@@ -8,7 +8,7 @@
 namespace quadrig::cli {
 namespace {
 
-struct Options {
+struct DominanceCommand {
   Input input;
   std::filesystem::path output, report;
 };
@@ -49,7 +49,7 @@ std::string coloured_ply(const TriangleMesh<double>& mesh, const Rig& rig, const
   return text;
 }
 
-Status dominance(const Options& options, Session& session) {
+Status dominance(const DominanceCommand& options, Session& session) {
   if (Status status = check_outputs(options.input, {options.output, options.report}); !status) return status;
   const Expected<LoadedAsset> loaded = load(options.input, session);
   if (!loaded) return loaded.error();
@@ -99,7 +99,7 @@ Status dominance(const Options& options, Session& session) {
 }  // namespace
 
 void add_dominance(CLI::App& app, Run& run) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<DominanceCommand>();
   CLI::App* verb = app.add_subcommand("dominance", "Where one bone rules the surface and where bones blend");
   add_input(*verb, options->input);
   verb->get_option("--rig")->required();

@@ -8,7 +8,7 @@
 namespace quadrig::cli {
 namespace {
 
-struct Options {
+struct FieldCommand {
   Input input;
   std::string preset = "default", solver{default_solver_name};
   double crease_degrees = 0;
@@ -64,7 +64,7 @@ std::string raw_field(const TriangleMesh<double>& mesh, const Connection<double>
   return text;
 }
 
-Status field(const Options& options, Session& session) {
+Status field(const FieldCommand& options, Session& session) {
   if (Status status = check_outputs(options.input, {options.output, options.report}); !status) return status;
   const std::string extension = options.output.extension().string();
   if (!options.output.empty() && extension != ".obj" && extension != ".rawfield")
@@ -141,7 +141,7 @@ Status field(const Options& options, Session& session) {
 }  // namespace
 
 void add_field(CLI::App& app, Run& run) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<FieldCommand>();
   CLI::App* verb = app.add_subcommand("field", "Design the directions alone: a cross a face");
   add_input(*verb, options->input);
   verb->add_option("--preset", options->preset,

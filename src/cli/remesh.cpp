@@ -4,7 +4,7 @@
 namespace quadrig::cli {
 namespace {
 
-struct Options {
+struct RemeshCommand {
   Input input;
   RemeshOptions remesh;
   std::string preset = "default", density;
@@ -23,7 +23,7 @@ struct Options {
   }
 };
 
-Json options_json(const Options& o) {
+Json options_json(const RemeshCommand& o) {
   const auto unless_set = [](const std::optional<double>& value) { return value ? Json(*value) : Json(nullptr); };
   Json json = {{"quads", o.remesh.quads},
                {"preset", o.preset},
@@ -50,7 +50,7 @@ Json options_json(const Options& o) {
   return json;
 }
 
-Json report_json(const Options& options, const LoadedAsset& loaded, const RemeshReport& r, double read_seconds,
+Json report_json(const RemeshCommand& options, const LoadedAsset& loaded, const RemeshReport& r, double read_seconds,
                  std::span<const Warning> warnings) {
   Json report = report_head("remesh", options.input, loaded);
   report["options"] = options_json(options);
@@ -58,7 +58,7 @@ Json report_json(const Options& options, const LoadedAsset& loaded, const Remesh
   return report;
 }
 
-Status remesh_files(Options options, Session& session) {
+Status remesh_files(RemeshCommand options, Session& session) {
   const Input& input = options.input;
   const std::filesystem::path& weights_out = options.weights_out;
   if (Status status = check_outputs(input, {options.output, options.report, weights_out, options.quads_out}); !status)
@@ -189,7 +189,7 @@ void add_remesh_figures(Json& report, const RemeshReport& r, double read_seconds
 }
 
 void add_remesh(CLI::App& app, Run& run) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<RemeshCommand>();
   RemeshOptions& remesh = options->remesh;
   CLI::App* verb = app.add_subcommand("remesh", "Quads that follow the rig, with the rig's weights");
   add_input(*verb, options->input);
@@ -274,8 +274,7 @@ void add_remesh(CLI::App& app, Run& run) {
   verb->add_flag("--source-map", options->source_map, "Each vertex tells where it lies on the input, as _SOURCE")
       ->group(parts);
 
-  verb->add_flag("!--no-seams", options->seams,
-                 "Do not move edges of quads onto the seams of textures and materials")
+  verb->add_flag("!--no-seams", options->seams, "Do not move edges of quads onto the seams of textures and materials")
       ->group(parts);
 
   const std::string expert = "For experts";

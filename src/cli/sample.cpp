@@ -5,13 +5,13 @@
 namespace quadrig::cli {
 namespace {
 
-struct Options {
+struct SampleCommand {
   std::string name;
   std::filesystem::path folder;
   Index triangles = 20000;
 };
 
-Status sample(const Options& options, Session& session) {
+Status sample(const SampleCommand& options, Session& session) {
   Expected<Asset> asset = make_sample(options.name, options.triangles, session.context);
   if (!asset) return asset.error();
   std::error_code error;
@@ -38,7 +38,7 @@ Status sample(const Options& options, Session& session) {
 }  // namespace
 
 void add_sample(CLI::App& app, Run& run) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<SampleCommand>();
   std::string names, footer = "Samples:\n";
   for (const SampleInfo& info : sample_infos()) {
     names += (names.empty() ? "" : "|") + std::string(info.name);

@@ -6,7 +6,7 @@
 namespace quadrig::cli {
 namespace {
 
-struct Options {
+struct StatsCommand {
   std::vector<std::filesystem::path> meshes;
   Input input;
   GltfSelection selection;
@@ -72,7 +72,7 @@ Expected<Json> guidance_json(const Asset& asset, QuadMesh quads) {
               {"hinge_loops", loops}};
 }
 
-Expected<Json> figures(const std::filesystem::path& path, const Options& options, const LoadedAsset* input,
+Expected<Json> figures(const std::filesystem::path& path, const StatsCommand& options, const LoadedAsset* input,
                        std::span<const Pose> poses, Session& session) {
   const auto in_file = [&](Error error) {
     error.where = path.string() + (error.where.empty() ? "" : ", " + error.where);
@@ -188,7 +188,7 @@ std::string as_text(const Json& figures) {
 }
 
 /// The largest surface of a glTF file, with its rig.
-Expected<LoadedAsset> load_gltf(const Options& options, Session& session) {
+Expected<LoadedAsset> load_gltf(const StatsCommand& options, Session& session) {
   const std::filesystem::path& path = options.input.files.mesh;
   const Expected<GltfDocument> document = GltfDocument::read(path, {}, session.context);
   if (!document) return document.error();
@@ -212,7 +212,7 @@ Expected<LoadedAsset> load_gltf(const Options& options, Session& session) {
 }
 
 /// The poses asked for. \fails bad_option where clips are, and there are none
-Expected<std::vector<Pose>> poses_of(const Rig& rig, const Options& options) {
+Expected<std::vector<Pose>> poses_of(const Rig& rig, const StatsCommand& options) {
   if (options.poses == "bends") return bend_poses(rig.skeleton, 60);
   std::vector<Pose> poses = clip_poses(rig.clips, options.frames);
   if (poses.empty())
@@ -220,7 +220,7 @@ Expected<std::vector<Pose>> poses_of(const Rig& rig, const Options& options) {
   return poses;
 }
 
-Status stats(const Options& options, Session& session) {
+Status stats(const StatsCommand& options, Session& session) {
   std::optional<LoadedAsset> input;
   std::vector<Pose> poses;
   if (!options.input.files.mesh.empty()) {
@@ -258,7 +258,7 @@ Status stats(const Options& options, Session& session) {
 }  // namespace
 
 void add_stats(CLI::App& app, Run& run) {
-  auto options = std::make_shared<Options>();
+  auto options = std::make_shared<StatsCommand>();
   CLI::App* verb = app.add_subcommand("stats", "Counts, validity, shape, distance and bending of polygon meshes");
   verb->add_option("MESH", options->meshes, "Meshes: .obj, .off or .ply")->required()->type_name("");
   auto* input = verb->add_option("--input", options->input.files.mesh, "The surface that they stand for: distances");

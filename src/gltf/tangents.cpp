@@ -13,7 +13,7 @@ namespace {
 
 constexpr double least = std::numeric_limits<float>::min();
 
-[[nodiscard]] std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+using quadrig::detail::at;
 [[nodiscard]] std::size_t next(std::size_t corner) { return corner - corner % 3 + (corner + 1) % 3; }
 [[nodiscard]] std::size_t previous(std::size_t corner) { return corner - corner % 3 + (corner + 2) % 3; }
 

@@ -38,6 +38,10 @@ inline CommandResult run_quadrig(const ScratchFolder& folder, const std::string&
   return result;
 }
 
+[[nodiscard]] inline bool has(const std::string& text, const std::string& part) {
+  return text.find(part) != std::string::npos;
+}
+
 /// Names of the files in a folder, sorted.
 inline std::vector<std::string> names_in(const std::filesystem::path& folder) {
   std::vector<std::string> names;

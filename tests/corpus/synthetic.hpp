@@ -210,7 +210,8 @@ inline Soup clipped(const Soup& in, const Distance& f) {
 }
 
 /// A grid of quads over [0, 1]², each cut in two, along alternating diagonals where `alternating`.
-inline Soup sheet(Index columns, Index rows, const std::function<Vector3(double, double)>& map, bool alternating = false) {
+inline Soup sheet(Index columns, Index rows, const std::function<Vector3(double, double)>& map,
+                  bool alternating = false) {
   Soup out;
   for (Index j = 0; j <= rows; ++j)
     for (Index i = 0; i <= columns; ++i)
@@ -368,7 +369,8 @@ inline Soup noisy(Soup s, double amount, std::uint64_t seed) {
     total += (s.points[static_cast<std::size_t>(f[0])] - s.points[static_cast<std::size_t>(f[1])]).norm();
   const double mean = total / static_cast<double>(s.faces.size());
   Random random(seed);
-  for (Vector3& p : s.points) p += amount * mean * Vector3(random.number(-1, 1), random.number(-1, 1), random.number(-1, 1));
+  for (Vector3& p : s.points)
+    p += amount * mean * Vector3(random.number(-1, 1), random.number(-1, 1), random.number(-1, 1));
   return s;
 }
 
@@ -398,7 +400,8 @@ inline Soup crowded(Soup s, const Distance& inside, int rounds) {
     for (std::size_t f = 0; f < count; ++f) {
       const auto t = s.faces[f];
       const Vector3 c = (s.points[static_cast<std::size_t>(t[0])] + s.points[static_cast<std::size_t>(t[1])] +
-                         s.points[static_cast<std::size_t>(t[2])]) / 3;
+                         s.points[static_cast<std::size_t>(t[2])]) /
+                        3;
       if (inside(c) > 0) continue;
       const auto v = static_cast<Index>(s.points.size());
       s.points.push_back(c);
@@ -548,7 +551,8 @@ inline Soup creature(int limbs, double thickness, double step, std::uint64_t see
 inline Soup hand(double finger, double step) {
   std::vector<Distance> parts{box({0, 0, 0}, {0.4, 0.4, 0.12}, 0.1)};
   for (int k = 0; k < 4; ++k)
-    parts.push_back(capsule({-0.33 + 0.22 * k, 0.35, 0}, {-0.4 + 0.27 * k, 1.1 - 0.1 * std::abs(k - 1.4), 0.1}, finger, 0.8 * finger));
+    parts.push_back(capsule({-0.33 + 0.22 * k, 0.35, 0}, {-0.4 + 0.27 * k, 1.1 - 0.1 * std::abs(k - 1.4), 0.1}, finger,
+                            0.8 * finger));
   parts.push_back(capsule({0.35, -0.1, 0}, {0.8, 0.3, 0.15}, 1.2 * finger, finger));
   return level_set(any_of(parts, 0.05), Vector3(-0.75, -0.55, -0.35), Vector3(1.05, 1.35, 0.4), step);
 }
@@ -574,7 +578,8 @@ inline Distance holes_in_ball(int holes, double radius) {
 
 inline std::vector<std::array<double, 2>> circle(double r, Index n) {
   std::vector<std::array<double, 2>> out;
-  for (Index k = 0; k < n; ++k) out.push_back({r * std::cos(2 * std::numbers::pi * k / n), r * std::sin(2 * std::numbers::pi * k / n)});
+  for (Index k = 0; k < n; ++k)
+    out.push_back({r * std::cos(2 * std::numbers::pi * k / n), r * std::sin(2 * std::numbers::pi * k / n)});
   return out;
 }
 inline std::vector<std::array<double, 2>> gear_outline(int teeth, double low, double high) {
@@ -593,7 +598,9 @@ inline std::vector<std::array<double, 2>> gear_outline(int teeth, double low, do
 inline std::vector<SyntheticCase> synthetic_cases() {
   using namespace synthetic;
   std::vector<SyntheticCase> list;
-  const auto add = [&](std::string name, std::function<Soup()> make) { list.push_back({std::move(name), std::move(make)}); };
+  const auto add = [&](std::string name, std::function<Soup()> make) {
+    list.push_back({std::move(name), std::move(make)});
+  };
   const auto text = [](double x) {
     std::string s = std::to_string(x);
     while (s.back() == '0') s.pop_back();
@@ -603,50 +610,79 @@ inline std::vector<SyntheticCase> synthetic_cases() {
 
   // Closed, smooth, genus 0 to 5.
   for (const Index n : {6, 16, 48}) add("sphere_" + std::to_string(n), [=] { return sphere(n); });
-  add("ellipsoid_flat", [] { return moved(sphere(32), [](const Vector3& p) { return Vector3(p[0], p[1], 0.15 * p[2]); }); });
-  add("ellipsoid_long", [] { return moved(sphere(32), [](const Vector3& p) { return Vector3(0.1 * p[0], 0.1 * p[1], p[2]); }); });
-  for (const std::uint64_t seed : {1, 2, 3, 4}) add("bumpy_" + std::to_string(seed), [=] { return bumpy(sphere(40), 0.35, 5, seed); });
+  add("ellipsoid_flat",
+      [] { return moved(sphere(32), [](const Vector3& p) { return Vector3(p[0], p[1], 0.15 * p[2]); }); });
+  add("ellipsoid_long",
+      [] { return moved(sphere(32), [](const Vector3& p) { return Vector3(0.1 * p[0], 0.1 * p[1], p[2]); }); });
+  for (const std::uint64_t seed : {1, 2, 3, 4})
+    add("bumpy_" + std::to_string(seed), [=] { return bumpy(sphere(40), 0.35, 5, seed); });
   add("torus_fat", [] { return torus_mesh(64, 32, 1, 0.45); });
   add("torus_thin", [] { return torus_mesh(128, 12, 1, 0.05); });
   add("torus_coarse", [] { return torus_mesh(8, 5, 1, 0.4); });
   for (int g = 1; g <= 5; ++g) add("handles_" + std::to_string(g), [=] { return handles(g, 0.09); });
   for (int g = 2; g <= 5; g += 3) add("handles_fine_" + std::to_string(g), [=] { return handles(g, 0.05); });
   add("genus_5_lattice", [] {
-    return level_set(any_of({torus({0, 0, 0.4}, 0.8, 0.12), torus({0, 0, -0.4}, 0.8, 0.12),
-                             capsule({0.8, 0, -0.4}, {0.8, 0, 0.4}, 0.12, 0.12), capsule({-0.8, 0, -0.4}, {-0.8, 0, 0.4}, 0.12, 0.12),
-                             capsule({0, 0.8, -0.4}, {0, 0.8, 0.4}, 0.12, 0.12), capsule({0, -0.8, -0.4}, {0, -0.8, 0.4}, 0.12, 0.12)}, 0.05),
-                     Vector3(-1.1, -1.1, -0.7), Vector3(1.1, 1.1, 0.7), 0.055);
+    return level_set(
+        any_of(
+            {torus({0, 0, 0.4}, 0.8, 0.12), torus({0, 0, -0.4}, 0.8, 0.12),
+             capsule({0.8, 0, -0.4}, {0.8, 0, 0.4}, 0.12, 0.12), capsule({-0.8, 0, -0.4}, {-0.8, 0, 0.4}, 0.12, 0.12),
+             capsule({0, 0.8, -0.4}, {0, 0.8, 0.4}, 0.12, 0.12), capsule({0, -0.8, -0.4}, {0, -0.8, 0.4}, 0.12, 0.12)},
+            0.05),
+        Vector3(-1.1, -1.1, -0.7), Vector3(1.1, 1.1, 0.7), 0.055);
   });
   add("knot", [] {
-    return tube([](double t) {
-      const double a = 2 * std::numbers::pi * t;
-      return Vector3(std::sin(a) + 2 * std::sin(2 * a), std::cos(a) - 2 * std::cos(2 * a), -std::sin(3 * a));
-    }, [](double) { return 0.3; }, 200, 16, true);
+    return tube(
+        [](double t) {
+          const double a = 2 * std::numbers::pi * t;
+          return Vector3(std::sin(a) + 2 * std::sin(2 * a), std::cos(a) - 2 * std::cos(2 * a), -std::sin(3 * a));
+        },
+        [](double) { return 0.3; }, 200, 16, true);
   });
 
   // Thin limbs, fingers, spikes.
-  for (const std::uint64_t seed : {1, 2, 3}) add("creature_" + std::to_string(seed), [=] { return creature(5, 0.09, 0.05, seed); });
-  for (const std::uint64_t seed : {4, 5}) add("creature_thin_" + std::to_string(seed), [=] { return creature(6, 0.035, 0.03, seed); });
+  for (const std::uint64_t seed : {1, 2, 3})
+    add("creature_" + std::to_string(seed), [=] { return creature(5, 0.09, 0.05, seed); });
+  for (const std::uint64_t seed : {4, 5})
+    add("creature_thin_" + std::to_string(seed), [=] { return creature(6, 0.035, 0.03, seed); });
   add("hand", [] { return hand(0.1, 0.04); });
   add("hand_thin", [] { return hand(0.05, 0.03); });
-  add("spike", [] { return moved(sphere(32), [](const Vector3& p) { return Vector3(p + (p[2] > 0.9 ? 40 * (p[2] - 0.9) : 0) * Vector3(0, 0, 1)); }); });
-  add("spring", [] {
-    return tube([](double t) { return Vector3(std::cos(30 * t), std::sin(30 * t), 2 * t); }, [](double) { return 0.08; }, 300, 10, false);
+  add("spike", [] {
+    return moved(sphere(32),
+                 [](const Vector3& p) { return Vector3(p + (p[2] > 0.9 ? 40 * (p[2] - 0.9) : 0) * Vector3(0, 0, 1)); });
   });
-  add("rod_100", [] { return tube([](double t) { return Vector3(100 * t, 0, 0); }, [](double) { return 0.5; }, 400, 12, false); });
-  add("taper", [] { return tube([](double t) { return Vector3(4 * t, 0.3 * std::sin(6 * t), 0); }, [](double t) { return 0.4 * (1 - t) + 0.004; }, 120, 16, false); });
+  add("spring", [] {
+    return tube([](double t) { return Vector3(std::cos(30 * t), std::sin(30 * t), 2 * t); },
+                [](double) { return 0.08; }, 300, 10, false);
+  });
+  add("rod_100",
+      [] { return tube([](double t) { return Vector3(100 * t, 0, 0); }, [](double) { return 0.5; }, 400, 12, false); });
+  add("taper", [] {
+    return tube([](double t) { return Vector3(4 * t, 0.3 * std::sin(6 * t), 0); },
+                [](double t) { return 0.4 * (1 - t) + 0.004; }, 120, 16, false);
+  });
   add("horns", [] {
-    return level_set(any_of({ball({0, 0, 0}, 0.5), capsule({0, 0, 0.3}, {0.6, 0, 1.4}, 0.12, 0.02), capsule({0, 0, 0.3}, {-0.6, 0, 1.4}, 0.12, 0.02)}, 0.1),
+    return level_set(any_of({ball({0, 0, 0}, 0.5), capsule({0, 0, 0.3}, {0.6, 0, 1.4}, 0.12, 0.02),
+                             capsule({0, 0, 0.3}, {-0.6, 0, 1.4}, 0.12, 0.02)},
+                            0.1),
                      Vector3(-0.9, -0.7, -0.7), Vector3(0.9, 0.7, 1.6), 0.045);
   });
 
   // Solids with creases.
-  add("tetrahedron", [] { return Soup{{{1, 1, 1}, {1, -1, -1}, {-1, 1, -1}, {-1, -1, 1}}, {{0, 1, 2}, {0, 2, 3}, {0, 3, 1}, {1, 3, 2}}}; });
+  add("tetrahedron", [] {
+    return Soup{{{1, 1, 1}, {1, -1, -1}, {-1, 1, -1}, {-1, -1, 1}}, {{0, 1, 2}, {0, 2, 3}, {0, 3, 1}, {1, 3, 2}}};
+  });
   for (const Index n : {1, 3, 12}) add("cube_" + std::to_string(n), [=] { return cells({{0, 0, 0}}, n); });
-  add("box_long", [] { return moved(cells({{0, 0, 0}}, 12), [](const Vector3& p) { return Vector3(10 * p[0], p[1], 0.5 * p[2]); }); });
+  add("box_long", [] {
+    return moved(cells({{0, 0, 0}}, 12), [](const Vector3& p) { return Vector3(10 * p[0], p[1], 0.5 * p[2]); });
+  });
   for (const double t : {0.05, 0.01, 0.001})
-    add("plate_" + text(t), [=] { return moved(cells({{0, 0, 0}}, 16), [=](const Vector3& p) { return Vector3(p[0], p[1], t * p[2]); }); });
-  add("wedge", [] { return moved(cells({{0, 0, 0}}, 12), [](const Vector3& p) { return Vector3(p[0], p[1], p[2] * (0.02 + 0.5 * p[0])); }); });
+    add("plate_" + text(t), [=] {
+      return moved(cells({{0, 0, 0}}, 16), [=](const Vector3& p) { return Vector3(p[0], p[1], t * p[2]); });
+    });
+  add("wedge", [] {
+    return moved(cells({{0, 0, 0}}, 12),
+                 [](const Vector3& p) { return Vector3(p[0], p[1], p[2] * (0.02 + 0.5 * p[0])); });
+  });
   add("pyramid", [] { return revolved(stepped({{0, 0}, {1, 0}, {0, 1.5}}, 0.1), 4); });
   add("prism", [] { return revolved(stepped({{0, 0}, {1, 0}, {1, 2}, {0, 2}}, 0.1), 3); });
   add("hexagon", [] { return revolved(stepped({{0, 0}, {1, 0}, {1, 0.6}, {0, 0.6}}, 0.06), 6); });
@@ -692,7 +728,8 @@ inline std::vector<SyntheticCase> synthetic_cases() {
     return revolved(p, 40);
   });
   for (const int teeth : {6, 12, 24})
-    add("gear_" + std::to_string(teeth), [=] { return ring_prism(gear_outline(teeth, 0.8, 1), circle(0.35, teeth * 8), 0.3, 6, 4); });
+    add("gear_" + std::to_string(teeth),
+        [=] { return ring_prism(gear_outline(teeth, 0.8, 1), circle(0.35, teeth * 8), 0.3, 6, 4); });
   add("block_with_holes", [] {
     Distance d = box({0, 0, 0}, {1.5, 0.5, 0.25});
     for (int k = 0; k < 3; ++k) {
@@ -702,41 +739,52 @@ inline std::vector<SyntheticCase> synthetic_cases() {
     return level_set(d, Vector3(-1.7, -0.7, -0.4), Vector3(1.7, 0.7, 0.4), 0.055);
   });
   add("crossed_cylinders", [] {
-    return level_set(any_of({[](const Vector3& p) { return std::max(std::hypot(p[0], p[1]) - 0.4, std::abs(p[2]) - 1); },
-                             [](const Vector3& p) { return std::max(std::hypot(p[0], p[2]) - 0.3, std::abs(p[1]) - 1); }}),
-                     Vector3(-0.6, -1.2, -1.2), Vector3(0.6, 1.2, 1.2), 0.06);
+    return level_set(
+        any_of({[](const Vector3& p) { return std::max(std::hypot(p[0], p[1]) - 0.4, std::abs(p[2]) - 1); },
+                [](const Vector3& p) { return std::max(std::hypot(p[0], p[2]) - 0.3, std::abs(p[1]) - 1); }}),
+        Vector3(-0.6, -1.2, -1.2), Vector3(0.6, 1.2, 1.2), 0.06);
   });
-  add("dented_cube", [] { return level_set(without(box({0, 0, 0}, {0.7, 0.7, 0.7}), ball({0.7, 0.7, 0.7}, 0.6)), Vector3::Constant(-0.85), Vector3::Constant(0.85), 0.055); });
+  add("dented_cube", [] {
+    return level_set(without(box({0, 0, 0}, {0.7, 0.7, 0.7}), ball({0.7, 0.7, 0.7}, 0.6)), Vector3::Constant(-0.85),
+                     Vector3::Constant(0.85), 0.055);
+  });
 
   // Noise, as scanners leave it.
-  for (const double amount : {0.1, 0.3})
-    add("scan_ball_" + text(amount), [=] { return noisy(sphere(40), amount, 7); });
+  for (const double amount : {0.1, 0.3}) add("scan_ball_" + text(amount), [=] { return noisy(sphere(40), amount, 7); });
   add("scan_torus", [] { return noisy(torus_mesh(80, 36, 1, 0.4), 0.25, 8); });
   add("scan_cube", [] { return noisy(cells({{0, 0, 0}}, 16), 0.25, 9); });
   add("scan_creature", [] { return noisy(creature(4, 0.1, 0.05, 11), 0.15, 10); });
   add("scan_rough", [] { return bumpy(noisy(sphere(48), 0.2, 12), 0.2, 25, 13); });
-  add("scan_sheet", [] { return noisy(sheet(40, 40, [](double s, double t) { return Vector3(s, t, 0.1 * std::sin(7 * s)); }), 0.25, 14); });
+  add("scan_sheet", [] {
+    return noisy(sheet(40, 40, [](double s, double t) { return Vector3(s, t, 0.1 * std::sin(7 * s)); }), 0.25, 14);
+  });
 
   // Uneven sampling, needles, caps.
   add("sampling_1000_sheet", [] {
-    return sheet(40, 40, [](double s, double t) { return Vector3((std::pow(1000, s) - 1) / 999, (std::pow(1000, t) - 1) / 999, 0.1 * s * t); });
+    return sheet(40, 40, [](double s, double t) {
+      return Vector3((std::pow(1000, s) - 1) / 999, (std::pow(1000, t) - 1) / 999, 0.1 * s * t);
+    });
   });
   add("sampling_1000_ball", [] {
     return moved(sphere(40), [](const Vector3& p) {
-      const double a = std::acos(std::clamp(p[2], -1.0, 1.0)) / std::numbers::pi, b = (std::pow(1000, a) - 1) / 999 * std::numbers::pi;
+      const double a = std::acos(std::clamp(p[2], -1.0, 1.0)) / std::numbers::pi,
+                   b = (std::pow(1000, a) - 1) / 999 * std::numbers::pi;
       const Vector3 flat(p[0], p[1], 0);
       return Vector3(flat.norm() > 0 ? Vector3(flat.normalized() * std::sin(b) + std::cos(b) * Vector3(0, 0, 1)) : p);
     });
   });
   add("crowded_torus", [] { return crowded(torus_mesh(24, 12, 1, 0.4), ball({1, 0, 0}, 0.4), 5); });
   add("crowded_cube", [] { return crowded(cells({{0, 0, 0}}, 4), ball({1, 1, 1}, 0.5), 6); });
-  add("needle_tube", [] { return tube([](double t) { return Vector3(4 * t, 0, 0); }, [](double) { return 0.5; }, 4, 200, false); });
-  add("needle_rings", [] { return tube([](double t) { return Vector3(4 * t, 0, 0); }, [](double) { return 0.5; }, 600, 6, false); });
+  add("needle_tube",
+      [] { return tube([](double t) { return Vector3(4 * t, 0, 0); }, [](double) { return 0.5; }, 4, 200, false); });
+  add("needle_rings",
+      [] { return tube([](double t) { return Vector3(4 * t, 0, 0); }, [](double) { return 0.5; }, 600, 6, false); });
   for (const double nearness : {0.1, 0.01, 0.0001})
     add("slivers_ball_" + text(nearness), [=] { return with_slivers(sphere(24), 0.3, nearness, 21); });
   add("slivers_cube", [] { return with_slivers(cells({{0, 0, 0}}, 8), 0.4, 0.005, 22); });
   add("slivers_torus", [] { return with_slivers(torus_mesh(32, 16, 1, 0.4), 0.5, 0.001, 23); });
-  add("slivers_twice", [] { return with_slivers(with_slivers(torus_mesh(32, 16, 1, 0.4), 0.4, 0.02, 24), 0.3, 0.02, 25); });
+  add("slivers_twice",
+      [] { return with_slivers(with_slivers(torus_mesh(32, 16, 1, 0.4), 0.4, 0.02, 24), 0.3, 0.02, 25); });
   add("fan_disc", [] { return revolved(std::vector<std::array<double, 2>>{{0, 0}, {1, 0}, {0, 0.5}}, 300); });
 
   // Units.
@@ -744,7 +792,8 @@ inline std::vector<SyntheticCase> synthetic_cases() {
     const std::string u = unit < 1 ? "tiny" : "huge";
     add("units_" + u + "_bumpy", [=] { return scaled(bumpy(sphere(30), 0.3, 4, 31), unit); });
     add("units_" + u + "_cube", [=] { return scaled(cells({{0, 0, 0}}, 8), unit); });
-    add("units_" + u + "_sheet", [=] { return scaled(sheet(20, 20, [](double s, double t) { return Vector3(s, t, 0.2 * s * t); }), unit); });
+    add("units_" + u + "_sheet",
+        [=] { return scaled(sheet(20, 20, [](double s, double t) { return Vector3(s, t, 0.2 * s * t); }), unit); });
   }
   add("far_from_origin", [] { return scaled(bumpy(sphere(30), 0.3, 4, 32), 1, Vector3(1e5, -2e5, 3e5)); });
 
@@ -753,27 +802,45 @@ inline std::vector<SyntheticCase> synthetic_cases() {
   add("sliver", [] { return sheet(1, 1, [](double s, double t) { return Vector3(s, 1e-5 * t, 0); }); });
   add("square_2", [] { return sheet(1, 1, [](double s, double t) { return Vector3(s, t, 0); }); });
   add("square_flat", [] { return sheet(24, 24, [](double s, double t) { return Vector3(s, t, 0); }); });
-  add("strip", [] { return sheet(100, 2, [](double s, double t) { return Vector3(20 * s, 0.4 * t, std::sin(8 * s)); }); });
-  add("saddle", [] { return sheet(30, 30, [](double s, double t) { return Vector3(2 * s - 1, 2 * t - 1, (2 * s - 1) * (2 * t - 1)); }); });
-  add("waves", [] { return sheet(50, 50, [](double s, double t) { return Vector3(s, t, 0.06 * std::sin(20 * s) * std::sin(15 * t)); }); });
+  add("strip",
+      [] { return sheet(100, 2, [](double s, double t) { return Vector3(20 * s, 0.4 * t, std::sin(8 * s)); }); });
+  add("saddle", [] {
+    return sheet(30, 30, [](double s, double t) { return Vector3(2 * s - 1, 2 * t - 1, (2 * s - 1) * (2 * t - 1)); });
+  });
+  add("waves", [] {
+    return sheet(50, 50, [](double s, double t) { return Vector3(s, t, 0.06 * std::sin(20 * s) * std::sin(15 * t)); });
+  });
   add("skewed", [] { return sheet(24, 24, [](double s, double t) { return Vector3(s + 0.8 * t, 0.4 * t, 0); }); });
-  add("half_tube", [] { return sheet(30, 30, [](double s, double t) { return Vector3(std::cos(3.1 * s), std::sin(3.1 * s), 3 * t); }); });
-  add("rolled", [] { return sheet(120, 20, [](double s, double t) { return Vector3((0.2 + s) * std::cos(15 * s), (0.2 + s) * std::sin(15 * s), t); }); });
+  add("half_tube", [] {
+    return sheet(30, 30, [](double s, double t) { return Vector3(std::cos(3.1 * s), std::sin(3.1 * s), 3 * t); });
+  });
+  add("rolled", [] {
+    return sheet(120, 20, [](double s, double t) {
+      return Vector3((0.2 + s) * std::cos(15 * s), (0.2 + s) * std::sin(15 * s), t);
+    });
+  });
   for (const std::uint64_t seed : {41, 42, 43})
     add("ragged_" + std::to_string(seed), [=] {
-      return ragged(sheet(24, 24, [](double s, double t) { return Vector3(s, t, 0.2 * std::sin(4 * s)); }, seed % 2 == 0), 0.4, seed);
+      return ragged(sheet(
+                        24, 24, [](double s, double t) { return Vector3(s, t, 0.2 * std::sin(4 * s)); }, seed % 2 == 0),
+                    0.4, seed);
     });
-  add("ragged_fine", [] { return ragged(sheet(60, 60, [](double s, double t) { return Vector3(s, t, 0.1 * std::cos(5 * s * t)); }), 0.5, 44); });
-  add("disc", [] { return clipped(sheet(30, 30, [](double s, double t) { return Vector3(2 * s - 1, 2 * t - 1, 0); }), ball({0, 0, 0}, 0.93)); });
+  add("ragged_fine", [] {
+    return ragged(sheet(60, 60, [](double s, double t) { return Vector3(s, t, 0.1 * std::cos(5 * s * t)); }), 0.5, 44);
+  });
+  add("disc", [] {
+    return clipped(sheet(30, 30, [](double s, double t) { return Vector3(2 * s - 1, 2 * t - 1, 0); }),
+                   ball({0, 0, 0}, 0.93));
+  });
   add("disc_of_fan", [] { return revolved(stepped({{0, 0}, {1, 0}}, 0.1), 32); });
   for (const double inner : {0.1, 0.5, 0.9})
     add("annulus_" + text(inner), [=] { return revolved(stepped({{inner, 0}, {1, 0}}, 0.06), 60); });
   add("tube_open", [] { return revolved(stepped({{1, 0}, {1, 3}}, 0.15), 32); });
   add("cone_open", [] { return revolved(stepped({{0.05, 0}, {1, 2}}, 0.1), 32); });
   add("star_sheet", [] {
-    return clipped(sheet(50, 50, [](double s, double t) { return Vector3(2 * s - 1, 2 * t - 1, 0); }), [](const Vector3& p) {
-      return std::hypot(p[0], p[1]) - 0.6 - 0.25 * std::cos(5 * std::atan2(p[1], p[0]));
-    });
+    return clipped(
+        sheet(50, 50, [](double s, double t) { return Vector3(2 * s - 1, 2 * t - 1, 0); }),
+        [](const Vector3& p) { return std::hypot(p[0], p[1]) - 0.6 - 0.25 * std::cos(5 * std::atan2(p[1], p[0])); });
   });
   for (int holes = 1; holes <= 6; ++holes) {
     add("ball_holes_" + std::to_string(holes), [=] { return clipped(sphere(36), holes_in_ball(holes, 0.4)); });
@@ -800,16 +867,22 @@ inline std::vector<SyntheticCase> synthetic_cases() {
       });
     });
   add("cube_open", [] { return clipped(cells({{0, 0, 0}}, 10), [](const Vector3& p) { return p[2] - 0.95; }); });
-  add("mask", [] { return clipped(clipped(bumpy(sphere(40), 0.2, 4, 61), [](const Vector3& p) { return -p[2]; }), any_of({[](const Vector3& p) { return 0.18 - (p - Vector3(0.35, 0.3, p[2])).norm() ; }})); });
+  add("mask", [] {
+    return clipped(clipped(bumpy(sphere(40), 0.2, 4, 61), [](const Vector3& p) { return -p[2]; }),
+                   any_of({[](const Vector3& p) { return 0.18 - (p - Vector3(0.35, 0.3, p[2])).norm(); }}));
+  });
   add("glove", [] { return clipped(hand(0.09, 0.04), [](const Vector3& p) { return -0.3 - p[1]; }); });
   add("plane_with_slit", [] {
-    return clipped(sheet(41, 41, [](double s, double t) { return Vector3(2 * s - 1, 2 * t - 1, 0); }), without([](const Vector3&) { return -1.0; }, box({0, 0, 0}, {0.6, 0.03, 1})));
+    return clipped(sheet(41, 41, [](double s, double t) { return Vector3(2 * s - 1, 2 * t - 1, 0); }),
+                   without([](const Vector3&) { return -1.0; }, box({0, 0, 0}, {0.6, 0.03, 1})));
   });
 
   // Several parts.
   add("parts_equal", [] {
     Soup s;
-    for (int k = 0; k < 4; ++k) s = joined(std::move(s), scaled(bumpy(sphere(14), 0.3, 4, static_cast<std::uint64_t>(70 + k)), 1, Vector3(3.0 * k, 0, 0)));
+    for (int k = 0; k < 4; ++k)
+      s = joined(std::move(s),
+                 scaled(bumpy(sphere(14), 0.3, 4, static_cast<std::uint64_t>(70 + k)), 1, Vector3(3.0 * k, 0, 0)));
     return s;
   });
   add("parts_of_all_sizes", [] {
@@ -825,7 +898,8 @@ inline std::vector<SyntheticCase> synthetic_cases() {
   add("parts_mixed", [] {
     Soup s = torus_mesh(30, 14, 1, 0.3);
     s = joined(std::move(s), scaled(cells({{0, 0, 0}}, 6), 1, Vector3(2, 0, 0)));
-    s = joined(std::move(s), scaled(sheet(12, 12, [](double a, double b) { return Vector3(a, b, 0.2 * a); }), 2, Vector3(0, 3, 0)));
+    s = joined(std::move(s),
+               scaled(sheet(12, 12, [](double a, double b) { return Vector3(a, b, 0.2 * a); }), 2, Vector3(0, 3, 0)));
     return joined(std::move(s), scaled(revolved(stepped({{0.3, 0}, {1, 0}}, 0.1), 24), 1, Vector3(-3, 0, 0)));
   });
   add("parts_many", [] {
