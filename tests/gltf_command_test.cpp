@@ -40,7 +40,7 @@ TEST_CASE("command: several counts make one file each, all or none", "[cli][gltf
   CHECK(has(read_text(folder / "one.glb"), "\"_SOURCE\""));
 }
 
-TEST_CASE("command: stats bends quads by the clips of a glTF file", "[cli][gltf][fast]") {
+TEST_CASE("command: stats bends quads by the clips of a glTF file", "[cli][gltf][slow]") {
   const ScratchFolder folder("gltf-command");
   write_text(folder / "in.glb", tube_file());
   REQUIRE(run_quadrig(folder, "remesh in.glb --quads 300 -o out.glb --quads-out q.obj").exit_code == 0);

@@ -1,3 +1,4 @@
+#include "quadrig/constraints/gradation.hpp"
 #include "quadrig/constraints/posed_metric.hpp"
 
 #include "surfaces.hpp"

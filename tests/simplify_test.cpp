@@ -227,7 +227,11 @@ TEST_CASE("simplify: fewer quads than the topology allows give the fewest, and s
 }
 
 TEST_CASE("simplify: holes of any number and shape keep their loops when a sheet is torn", "[simplify][fast]") {
-  for (unsigned seed = 0; seed < 6; ++seed) {
+  const TriangleMesh<double> mesh = torn_sheet(0);
+  for (const Index count : {20, 400, 1500}) check_valid(mesh, split(mesh, count));
+}
+TEST_CASE("simplify: so do those of many torn sheets", "[simplify][slow]") {
+  for (unsigned seed = 1; seed < 6; ++seed) {
     const TriangleMesh<double> mesh = torn_sheet(seed);
     for (const Index count : {20, 400, 1500}) check_valid(mesh, split(mesh, count));
   }

@@ -4,4 +4,5 @@
 #include "quadrig/constraints/bones.hpp"
 #include "quadrig/constraints/curvature.hpp"
 #include "quadrig/constraints/features.hpp"
+#include "quadrig/constraints/gradation.hpp"
 #include "quadrig/constraints/targets.hpp"

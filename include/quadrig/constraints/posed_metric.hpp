@@ -113,17 +113,6 @@ struct PosedMetricOptions {
                                                  std::span<const double> omega1, const PosedMetricOptions& options,
                                                  Context& context);
 
-/// Sizes that grow by at most `limit` of themselves over their own length: the largest field that nowhere exceeds
-/// `sizes` (a length a face) and has |size_f − size_g| ≤ limit · distance, distances measured through edge midpoints.
-/// \pre sizes > 0, limit > 0. \cost O(m log m) (Dijkstra). \fails never.
-[[nodiscard]] std::vector<double> graded_sizes(const TriangleMesh<double>& mesh, std::vector<double> sizes,
-                                               double limit = 0.3);
-
-/// The same for a relative density at `count` quads on the whole surface: returns relative densities with mean 1 whose
-/// sizes √A are graded; of no use once cancelled. \pre density > 0, count > 0. \cost a few Dijkstra runs
-[[nodiscard]] std::vector<double> graded_density(const TriangleMesh<double>& mesh, const std::vector<double>& density,
-                                                 double count, double limit = 0.3, const Context& context = {});
-
 }  // namespace quadrig
 
 #if !defined(QUADRIG_COMPILED)

@@ -2,7 +2,6 @@
 #pragma once
 
 #include <numbers>
-#include <queue>
 
 #include "quadrig/constraints/posed_metric.hpp"
 
@@ -503,70 +502,6 @@ QUADRIG_INLINE Expected<PosedMetric> posed_metric(const TriangleMesh<double>& me
       metric.alignment[f] =
           std::clamp(1 - metric.error[f] / error_at_45[f], 0.0, 1.0) * error_at_45[f] / (error_at_45[f] + noise);
   return metric;
-}
-
-QUADRIG_INLINE std::vector<double> graded_sizes(const TriangleMesh<double>& mesh, std::vector<double> sizes,
-                                                double limit) {
-  assert(sizes.size() == static_cast<std::size_t>(mesh.face_count()));
-  const auto centre = [&](Index f) {
-    const auto t = mesh.faces().row(f);
-    return Vector3((mesh.position(t[0]) + mesh.position(t[1]) + mesh.position(t[2])) / 3);
-  };
-  using Entry = std::pair<double, Index>;
-  std::priority_queue<Entry, std::vector<Entry>, std::greater<>> queue;
-  std::vector<double> half(static_cast<std::size_t>(mesh.halfedge_count()));  // from the centre to the edge's middle
-  for (Index h = 0; h < mesh.halfedge_count(); ++h)
-    half[static_cast<std::size_t>(h)] =
-        (centre(h / 3) - 0.5 * (mesh.position(mesh.origin(h)) + mesh.position(mesh.target(h)))).norm();
-  const auto across = [&](Index f, auto&& visit) {
-    for (Index h = 3 * f; h < 3 * f + 3; ++h)
-      if (const Index twin = mesh.twin(h); twin != no_index)
-        visit(twin / 3, sizes[static_cast<std::size_t>(f)] +
-                            limit * (half[static_cast<std::size_t>(h)] + half[static_cast<std::size_t>(twin)]));
-  };
-  // Only faces that hold a neighbour down start the search.
-  for (Index f = 0; f < mesh.face_count(); ++f) {
-    bool holds = false;
-    across(f, [&](Index g, double bound) { holds = holds || bound < sizes[static_cast<std::size_t>(g)]; });
-    if (holds) queue.push({sizes[static_cast<std::size_t>(f)], f});
-  }
-  while (!queue.empty()) {
-    const auto [size, f] = queue.top();
-    queue.pop();
-    if (size > sizes[static_cast<std::size_t>(f)]) continue;
-    across(f, [&](Index g, double bound) {
-      if (bound < sizes[static_cast<std::size_t>(g)]) {
-        sizes[static_cast<std::size_t>(g)] = bound;
-        queue.push({bound, g});
-      }
-    });
-  }
-  return sizes;
-}
-
-QUADRIG_INLINE std::vector<double> graded_density(const TriangleMesh<double>& mesh, const std::vector<double>& density,
-                                                  double count, double limit, const Context& context) {
-  const double area = mesh.total_area();
-  std::vector<double> sizes(density.size()), graded;
-  double factor = 1;
-  // Grading only makes quads smaller, and smaller quads are graded more: a few rounds settle the count.
-  for (int round = 0; round < 12; ++round) {
-    if (round > 0 && context.cancelled()) break;
-    for (std::size_t f = 0; f < density.size(); ++f) sizes[f] = factor * std::sqrt(area / (count * density[f]));
-    graded = graded_sizes(mesh, sizes, limit);
-    double quads = 0;
-    for (std::size_t f = 0; f < density.size(); ++f)
-      quads += mesh.area(static_cast<Index>(f)) / (graded[f] * graded[f]);
-    factor *= std::sqrt(quads / count);
-    if (std::abs(quads / count - 1) < 1e-3) break;
-  }
-  double mean = 0;
-  for (std::size_t f = 0; f < density.size(); ++f) {
-    graded[f] = 1 / (graded[f] * graded[f]);
-    mean += mesh.area(static_cast<Index>(f)) * graded[f];
-  }
-  for (double& d : graded) d *= area / mean;
-  return graded;
 }
 
 }  // namespace quadrig

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "quadrig/constraints/gradation.hpp"
 #include "quadrig/dominance.hpp"
 #include "quadrig/pipeline/component.hpp"
 #include "quadrig/pipeline/features.hpp"

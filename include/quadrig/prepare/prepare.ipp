@@ -113,7 +113,7 @@ QUADRIG_INLINE Expected<Prepared> prepare(const PolygonMesh& input, const Vertex
   if (context.cancelled()) return cancelled_error("prepare");
   apply_groups(work, alone, report);
   if (context.cancelled()) return cancelled_error("prepare");
-  Groups welded = weld(work, options, report);
+  Groups welded = weld(work, options, report, context);
   if (context.cancelled()) return cancelled_error("prepare");
   apply_groups(work, welded, report);
   if (context.cancelled()) return cancelled_error("prepare");

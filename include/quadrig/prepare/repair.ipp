@@ -80,8 +80,8 @@ inline double diagonal(const Points<double>& positions) {
   return (positions.colwise().maxCoeff() - positions.colwise().minCoeff()).norm();
 }
 
-/// Joins what `options.weld` asks for and the ends of edges without length.
-inline Groups weld(const Work& work, const PrepareOptions& options, PrepareReport& report) {
+/// Joins what `options.weld` asks for and the ends of edges without length; some of them once cancelled.
+inline Groups weld(const Work& work, const PrepareOptions& options, PrepareReport& report, const Context& context) {
   const std::size_t n = work.source.size();
   Groups groups(n);
   std::vector<char> used(n, 0), open(n, 0);
@@ -94,6 +94,7 @@ inline Groups weld(const Work& work, const PrepareOptions& options, PrepareRepor
     if (a != b && (work.at(a) - work.at(b)).norm() <= tiny && groups.join(a, b)) ++report.contracted_edges;
   });
 
+  if (context.cancelled()) return groups;
   std::vector<Index> order;
   for (std::size_t v = 0; v < n; ++v)
     if (used[v]) order.push_back(static_cast<Index>(v));
@@ -105,6 +106,7 @@ inline Groups weld(const Work& work, const PrepareOptions& options, PrepareRepor
     const auto ka = key(a), kb = key(b);
     return ka != kb ? ka < kb : a < b;
   });
+  if (context.cancelled()) return groups;
   const auto may_weld = [&](Index v) {
     return options.weld == Weld::all || (options.weld == Weld::seams && open[static_cast<std::size_t>(v)]);
   };

@@ -102,9 +102,11 @@ class Decimator {
     alive_ = mesh.face_count();
     unit_cost_ = (uniformity + 0.02) * std::pow(width, 4) / 2;
     noise_ = 1e-4 * width;
+    if (context.cancelled()) return;
     std::vector<std::size_t> valence(n, 0);
     for (Index h = 0; h < mesh.halfedge_count(); ++h) ++valence[at(mesh.origin(h))];
     for (std::size_t v = 0; v < n; ++v) {
+      if (v % 65536 == 0 && context.cancelled()) return;
       positions_[v] = mesh.position(static_cast<Index>(v)) - center;
       around_[v].reserve(valence[v]);
     }
