@@ -1,5 +1,5 @@
-#include "quadrig/constraints/gradation.hpp"
 #include "quadrig/constraints/posed_metric.hpp"
+#include "quadrig/constraints/gradation.hpp"
 
 #include "surfaces.hpp"
 #include "test.hpp"
