@@ -62,7 +62,7 @@ double least(const QuadMesh& quads) {
 
 TEST_CASE("polish: never inverts, never makes the worst worse, stays on the surface", "[polish]") {
   const bool open = GENERATE(false, true);
-  const std::uint64_t seed = GENERATE(1, 2, 3);
+  const std::uint64_t seed = GENERATE(1U, 2U, 3U);
   Rough r = rough(open, 0.9, seed);
   const double before = least(r.quads);
   REQUIRE(before > 0);

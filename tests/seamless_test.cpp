@@ -143,7 +143,7 @@ TEST_CASE("gaussian: quotients leave a smaller remainder and gcds divide", "[sea
 
 TEST_CASE("seamless: integer unknowns are 2 S + 4 g - 4 when charts turn", "[seamless]") {
   const int which = GENERATE(0, 1, 2);
-  const std::uint64_t seed = GENERATE(0, 1, 2);
+  const std::uint64_t seed = GENERATE(0U, 1U, 2U);
   const FieldCase c = field_case(closed_surface(which), seed, 0.15);
   const auto unknowns = MapUnknowns<Complex>::create(c.mesh, c.cut, c.index(), c.aligned).value();
   const auto integers = 2 * std::count(unknowns.integer().begin(), unknowns.integer().end(), char{1});
@@ -201,7 +201,7 @@ void check_transitions(const FieldCase& c, std::uint64_t seed) {
 }  // namespace
 
 TEST_CASE("seamless: corners satisfy every transition for any unknowns", "[seamless]") {
-  const std::uint64_t seed = GENERATE(0, 1, 2, 3);
+  const std::uint64_t seed = GENERATE(0U, 1U, 2U, 3U);
   for (int which = 0; which < 3; ++which) {
     const FieldCase closed = field_case(closed_surface(which), seed, 0.15);
     check_transitions<Complex>(closed, seed);

@@ -7,10 +7,10 @@ using namespace quadrig;
 
 namespace {
 
-const test::Grid grid{4, 4};
+const test::Grid sheet_grid{4, 4};
 
 TriangleMesh<double> plane() {
-  return test::build(grid.positions([](Index i, Index j) { return Vector3(i, j, 0); }), grid.triangles());
+  return test::build(sheet_grid.positions([](Index i, Index j) { return Vector3(i, j, 0); }), sheet_grid.triangles());
 }
 
 // weights that are linear in x and y, over five bones

@@ -69,22 +69,22 @@ VertexWeights mend_weights(RawWeights raw, const Triangles& triangles, const Poi
         beside[a].push_back(b);
         beside[b].push_back(a);
       }
-    constexpr std::size_t none = static_cast<std::size_t>(-1);
-    std::vector<std::size_t> giver(points, none), queue;  // a vertex whose weights the point takes
+    constexpr std::size_t nobody = static_cast<std::size_t>(-1);
+    std::vector<std::size_t> giver(points, nobody), queue;  // a vertex whose weights the point takes
     for (std::size_t v = 0; v < count; ++v)
-      if (!raw.rows[v].empty() && giver[point[v]] == none) {
+      if (!raw.rows[v].empty() && giver[point[v]] == nobody) {
         giver[point[v]] = v;
         queue.push_back(point[v]);
       }
     for (std::size_t k = 0; k < queue.size(); ++k)
       for (const std::size_t next : beside[queue[k]])
-        if (giver[next] == none) {
+        if (giver[next] == nobody) {
           giver[next] = giver[queue[k]];
           queue.push_back(next);
         }
     for (const std::size_t v : bare) {
       const std::size_t from = giver[point[v]];
-      if (from == none)
+      if (from == nobody)
         raw.rows[v].emplace_back(0, 1.0);  // a shell without any weights follows the first joint
       else
         raw.rows[v] = raw.rows[from];

@@ -614,7 +614,7 @@ inline std::vector<SyntheticCase> synthetic_cases() {
       [] { return moved(sphere(32), [](const Vector3& p) { return Vector3(p[0], p[1], 0.15 * p[2]); }); });
   add("ellipsoid_long",
       [] { return moved(sphere(32), [](const Vector3& p) { return Vector3(0.1 * p[0], 0.1 * p[1], p[2]); }); });
-  for (const std::uint64_t seed : {1, 2, 3, 4})
+  for (const std::uint64_t seed : {1U, 2U, 3U, 4U})
     add("bumpy_" + std::to_string(seed), [=] { return bumpy(sphere(40), 0.35, 5, seed); });
   add("torus_fat", [] { return torus_mesh(64, 32, 1, 0.45); });
   add("torus_thin", [] { return torus_mesh(128, 12, 1, 0.05); });
@@ -640,9 +640,9 @@ inline std::vector<SyntheticCase> synthetic_cases() {
   });
 
   // Thin limbs, fingers, spikes.
-  for (const std::uint64_t seed : {1, 2, 3})
+  for (const std::uint64_t seed : {1U, 2U, 3U})
     add("creature_" + std::to_string(seed), [=] { return creature(5, 0.09, 0.05, seed); });
-  for (const std::uint64_t seed : {4, 5})
+  for (const std::uint64_t seed : {4U, 5U})
     add("creature_thin_" + std::to_string(seed), [=] { return creature(6, 0.035, 0.03, seed); });
   add("hand", [] { return hand(0.1, 0.04); });
   add("hand_thin", [] { return hand(0.05, 0.03); });
@@ -819,7 +819,7 @@ inline std::vector<SyntheticCase> synthetic_cases() {
       return Vector3((0.2 + s) * std::cos(15 * s), (0.2 + s) * std::sin(15 * s), t);
     });
   });
-  for (const std::uint64_t seed : {41, 42, 43})
+  for (const std::uint64_t seed : {41U, 42U, 43U})
     add("ragged_" + std::to_string(seed), [=] {
       return ragged(sheet(
                         24, 24, [](double s, double t) { return Vector3(s, t, 0.2 * std::sin(4 * s)); }, seed % 2 == 0),

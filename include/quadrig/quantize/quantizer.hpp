@@ -215,7 +215,7 @@ class Quantizer {
       }
     }
     for (std::size_t h = 0; h < weight_.size(); ++h)
-      for (int c = 0; c < 2; ++c) weight_[h][c] += part * std::clamp(cotangent[h][c], 0.05, 3 * turning);
+      for (std::size_t c = 0; c < 2; ++c) weight_[h][c] += part * std::clamp(cotangent[h][c], 0.05, 3 * turning);
   }
 
   void set(Index h, Gaussian w) {
