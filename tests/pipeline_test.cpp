@@ -282,6 +282,18 @@ TEST_CASE("remesh: a surface that no map fits leaves the ladder once its work is
   }
 }
 
+TEST_CASE("remesh: the count is met where the search for integers is used up before", "[pipeline][slow]") {
+  for (const SyntheticCase& c : synthetic_cases()) {
+    if (c.name != "gear_24") continue;
+    const Asset asset = asset_of(c.make());
+    Context context;
+    const auto result = remesh(asset, wanting(20'000), context);
+    REQUIRE(result);
+    check_result(asset, *result);
+    CHECK(std::abs(result->mesh.quad_count() - 20'000) <= 1000);
+  }
+}
+
 TEST_CASE("remesh: units and places do not matter", "[pipeline]") {
   using namespace synthetic;
   const Soup soup = clipped(torus_mesh(30, 14, 1, 0.35), [](const Vector3& p) { return p[0] - 1.2; });

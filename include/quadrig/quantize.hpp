@@ -95,9 +95,10 @@ struct Quantization {
     scale *= std::sqrt(options.target_quads / quads);
     if (low > 0 && !(scale > 1.001 * low && 1.001 * scale < high)) scale = std::sqrt(low * high);
   }
-  if (std::abs(best->quads / options.target_quads - 1) > options.tolerance / 2 && left > 0) {
+  constexpr std::int64_t reserve = 4'000'000;  // where all is spent and the count is not near enough
+  if (std::abs(best->quads / options.target_quads - 1) > options.tolerance / (left > 0 ? 2 : 1)) {
     const std::int64_t before = kept->effort();
-    kept->allow(before + left);
+    kept->allow(before + std::max(left, reserve));
     best->moves += kept->steer(options.target_quads, options.tolerance / 2, context);
     spend(kept->effort() - before);
   }

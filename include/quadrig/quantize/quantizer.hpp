@@ -111,10 +111,13 @@ class Quantizer {
   int steer(double target, double tolerance, const Context& context) {
     int moves = 0;
     const std::int64_t enough = work_ + 8'000'000;
-    for (; moves < 24 && work_ < enough && std::abs(quads() / target - 1) > tolerance; ++moves) {
+    std::vector<char> taken;
+    const auto missed = [&] {
       missing_ = target - quads();
-      best_price_ = std::numeric_limits<double>::infinity();
-      best_changes_.clear();
+      return std::abs(missing_) > tolerance * target;
+    };
+    for (int scan = 0; scan < 24 && work_ < enough && missed(); ++scan) {
+      offers_.clear();
       for (Index h = 0; h < map_.halfedge_count(); ++h) {
         if (stop(context)) return moves;
         if (map_.twin[at(h)] != no_index && map_.twin[at(h)] < h) continue;
@@ -124,8 +127,22 @@ class Quantizer {
           if (longer != 0 && (longer > 0) == (missing_ > 0)) try_strip(h, a, Aim::count);
         }
       }
-      if (best_changes_.empty()) break;
-      for (const auto& [h, delta] : best_changes_) set(h, omega_[at(h)] + delta);
+      if (offers_.empty()) break;
+      // Cheapest first; strips that share no vertex leave each other's price as it is.
+      taken.assign(on_border_.size(), 0);
+      for (const Offer& offer : offers_) {
+        const auto vertices = [&](auto&& visit) {
+          for (const Index f : offer.faces)
+            for (Index h = 3 * f; h < 3 * f + 3; ++h) visit(taken[at(map_.origin[at(h)])]);
+        };
+        bool free = true;
+        vertices([&](char& vertex) { free = free && !vertex; });
+        if (!free || !(std::abs(missing_ - offer.quads) < std::abs(missing_) - 0.5)) continue;
+        for (const auto& [h, delta] : offer.changes) set(h, omega_[at(h)] + delta);
+        vertices([](char& vertex) { vertex = 1; });
+        ++moves;
+        if (!missed()) break;
+      }
     }
     return moves;
   }
@@ -186,8 +203,29 @@ class Quantizer {
  private:
   static constexpr double broken = 1e6;  // dwarfs any energy
   static constexpr double turning = 4;   // what turns edges against what stretches them
-  /// What a strip is tried for. For the count it is only remembered where it is the best so far.
+  /// What a strip is tried for. For the count it is only offered.
   enum class Aim : std::uint8_t { repair, energy, count };
+  struct Offer {
+    double price, quads;  // energy a quad, and how many more quads
+    std::vector<Index> faces;
+    std::vector<std::pair<Index, Gaussian>> changes;
+  };
+
+  /// Keeps the strip at hand among the cheapest, once however often it is found.
+  void offer(double price, double quads) {
+    constexpr std::size_t most = 64;
+    if (offers_.size() == most && !(price < offers_.back().price)) return;
+    const auto same = std::find_if(offers_.begin(), offers_.end(), [&](const Offer& o) { return o.faces == touched_; });
+    if (same != offers_.end()) {
+      if (!(price < same->price)) return;
+      offers_.erase(same);
+    } else if (offers_.size() == most) {
+      offers_.pop_back();
+    }
+    const auto place = std::upper_bound(offers_.begin(), offers_.end(), price,
+                                        [](double value, const Offer& o) { return value < o.price; });
+    offers_.insert(place, Offer{price, quads, touched_, changes_});
+  }
 
   [[nodiscard]] bool stop(const Context& context) const { return effort() > most_ || context.cancelled(); }
   [[nodiscard]] static Gaussian axis(int a) { return rotated(Gaussian{1, 0}, a); }
@@ -543,20 +581,20 @@ class Quantizer {
       for (Index h = 3 * f; h < 3 * f + 3; ++h) saved_.push_back(omega_[at(h)]);
     for (const auto& [h, delta] : changes_) set(h, omega_[at(h)] + delta);
     const auto bad_after = bad();
-    double price = 0;
+    double price = 0, more = 0;
     bool good = bad_after < bad_before;
     if (aim == Aim::energy) good = bad_after == 0 && energy_of_touched() < before - 1e-9;
     if (aim == Aim::count) {
-      const double gained = std::abs(missing_) - std::abs(missing_ - (area_of_touched() - area_before));
+      more = area_of_touched() - area_before;
+      const double gained = std::abs(missing_) - std::abs(missing_ - more);
       price = (energy_of_touched() - before) / gained;
-      good = bad_after == 0 && gained > 0.5 && price < best_price_;
+      good = bad_after == 0 && gained > 0.5;
     }
     if (good && aim != Aim::repair)
       for (const Index f : touched_)
         for (Index h = 3 * f; h < 3 * f + 3 && good; ++h) good = cone_right(h);
     if (good && aim == Aim::count) {
-      best_price_ = price;
-      best_changes_ = changes_;
+      offer(price, more);
     } else if (good) {
       return true;
     }
@@ -582,9 +620,10 @@ class Quantizer {
   std::vector<std::uint32_t> stamp_;
   std::uint32_t search_ = 0;
   int border_known_ = 0;
-  std::vector<std::pair<Index, Gaussian>> changes_, best_changes_;
-  double missing_ = 0, best_price_ = 0;
-  std::int64_t work_ = 0;  // nodes searched, which bounds what a map of very many cones may cost
+  std::vector<std::pair<Index, Gaussian>> changes_;
+  std::vector<Offer> offers_;  // the cheapest first
+  double missing_ = 0;         // quads
+  std::int64_t work_ = 0;      // nodes searched, which bounds what a map of very many cones may cost
   std::int64_t beside_ = 0, most_;
   using Entry = std::pair<double, Index>;
   std::priority_queue<Entry, std::vector<Entry>, std::greater<>> queue_;
