@@ -13,8 +13,8 @@ using EdgeMarks = std::vector<char>;
 
 /// The border of a mesh as marks. \cost O(m)
 [[nodiscard]] inline EdgeMarks border_marks(const TriangleMesh<double>& mesh) {
-  EdgeMarks marks(static_cast<std::size_t>(mesh.halfedge_count()), 0);
-  for (Index h = 0; h < mesh.halfedge_count(); ++h) marks[static_cast<std::size_t>(h)] = mesh.twin(h) == no_index;
+  EdgeMarks marks(detail::at(mesh.halfedge_count()), 0);
+  for (Index h = 0; h < mesh.halfedge_count(); ++h) marks[detail::at(h)] = mesh.twin(h) == no_index;
   return marks;
 }
 
@@ -155,7 +155,7 @@ class EdgeCurves {
     double begin, length;  // the length is negative against the curve
   };
 
-  static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+  [[nodiscard]] static std::size_t at(Index i) { return detail::at(i); }
 
   /// Whether two edges meet inside the surface further than that from half of the angle around the vertex.
   [[nodiscard]] bool bends(Index v, const std::array<Index, 2>& edges, double most) const {

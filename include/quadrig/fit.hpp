@@ -40,9 +40,10 @@ struct FitReport {
 };
 
 /// Moves vertices along the surface, those on a border or in `held` not at all. Every vertex stays on the surface and
-/// `source` follows; the same bits for any number of threads. \param held a flag a vertex, or empty: none \pre
-/// quads.source has one point a vertex \cost O(rounds · quads) closest-point walks: about ten for each vertex and
-/// round. \fails never; leaves early, with
+/// `source` follows; the same bits for any number of threads.
+/// \param held a flag a vertex, or empty: none
+/// \pre quads.source has one point a vertex
+/// \cost O(rounds · quads) closest-point walks: about ten for each vertex and round. \fails never; leaves early, with
 ///   sound quads, where it is cancelled.
 [[nodiscard]] QUADRIG_INLINE FitReport fit(const TriangleMesh<double>& mesh, const FitTargets& targets,
                                            std::vector<char> held, const FitOptions& options, QuadMesh& quads,

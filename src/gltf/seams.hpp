@@ -16,8 +16,9 @@ struct SeamFigures {
 /// Moves the vertices at which two regions of quads meet onto the nearest seam, ends and branches of seams first; those
 /// and the ones beside them then give way to each other. A vertex moves only where the quads around it cost less, by
 /// their distance from their regions and by their shape, and none becomes worse than `least` or than it was. Every
-/// vertex stays on `mesh`, and `source` follows. \param held a flag a vertex: stays where it is. Ends early once the
-/// context is cancelled. \cost O(vertices near seams · faces below a quad)
+/// vertex stays on `mesh`, and `source` follows. Ends early once the context is cancelled.
+/// \param held a flag a vertex: stays where it is
+/// \cost O(vertices near seams · faces below a quad)
 [[nodiscard]] SeamFigures snap_to_seams(const TriangleMesh<double>& mesh, Regions& regions, double least,
                                         const std::vector<char>& held, QuadMesh& quads, const Context& context);
 

@@ -1,10 +1,12 @@
 // Edges of a surface file that quads must keep, on the mesh that was made of it.
 #include "keep.hpp"
 
+#include "quadrig/constraints/features.hpp"
+
 namespace quadrig::io {
 namespace {
 
-std::size_t at(Index i) { return static_cast<std::size_t>(i); }
+using detail::at;
 
 /// The corner of the polygon that is nearest to a vertex of the mesh: welding may have moved it.
 std::size_t corner_at(const PolygonMesh& input, Index polygon, const Vector3& p) {
@@ -21,25 +23,28 @@ class Keeper {
   Keeper(const PolygonMesh& input, const TriangleMesh<double>& mesh, const std::vector<Index>& source_polygon)
       : input_(input), mesh_(mesh), polygon_(source_polygon), marks_(at(mesh.halfedge_count()), 0) {}
 
-  /// Of each of these: how many edges it marked.
-  Index materials() {
-    return mark([&](Index h) {
-      return !input_.material.empty() &&
-             input_.material[at(polygon_[at(h / 3)])] != input_.material[at(polygon_[at(mesh_.twin(h) / 3)])];
-    });
+  /// Each of these: whether it marked any.
+  bool materials() {
+    if (input_.material.empty()) return false;
+    std::vector<Index> material;
+    for (const Index polygon : polygon_) material.push_back(input_.material[at(polygon)]);
+    return mark(label_borders(mesh_, std::span<const Index>(material)));
   }
-  Index textures() {
-    return mark([&](Index h) {
+  bool textures() {
+    if (input_.texture.empty()) return false;
+    std::vector<Index> borders;
+    for (const Index h : label_borders(mesh_, std::span<const Index>(polygon_))) {
       const Index p = polygon_[at(h / 3)], q = polygon_[at(mesh_.twin(h) / 3)];
-      if (input_.texture.empty() || p == q) return false;
       for (const Index v : {mesh_.origin(h), mesh_.target(h)}) {
         const Vector3 place = mesh_.position(v);
-        if (input_.texture[corner_at(input_, p, place)] != input_.texture[corner_at(input_, q, place)]) return true;
+        if (input_.texture[corner_at(input_, p, place)] == input_.texture[corner_at(input_, q, place)]) continue;
+        borders.push_back(h);
+        break;
       }
-      return false;
-    });
+    }
+    return mark(borders);
   }
-  Index lines() {
+  bool lines() {
     // Vertices of the mesh by place: those that were welded have one, those that were cut apart several.
     std::vector<Index> order(at(mesh_.vertex_count()));
     for (std::size_t v = 0; v < order.size(); ++v) order[v] = static_cast<Index>(v);
@@ -64,13 +69,7 @@ class Keeper {
           }
         }
       }
-    Index marked = 0;
-    for (const Index h : there)
-      if (!std::exchange(marks_[at(h)], char{1})) {
-        marks_[at(mesh_.twin(h))] = 1;
-        ++marked;
-      }
-    return marked;
+    return mark(there);
   }
 
   [[nodiscard]] std::vector<Index> halfedges() const {
@@ -81,15 +80,10 @@ class Keeper {
   }
 
  private:
-  Index mark(function_ref<bool(Index)> parts) {
-    Index marked = 0;
-    for (Index h = 0; h < mesh_.halfedge_count(); ++h) {
-      const Index g = mesh_.twin(h);
-      if (g == no_index || g < h || !parts(h)) continue;
-      marks_[at(h)] = marks_[at(g)] = 1;
-      ++marked;
-    }
-    return marked;
+  /// Marks the edges of these half-edges; whether there are any.
+  bool mark(std::span<const Index> halfedges) {
+    for (const Index h : halfedges) marks_[at(h)] = marks_[at(mesh_.twin(h))] = 1;
+    return !halfedges.empty();
   }
 
   const PolygonMesh& input_;
@@ -104,8 +98,8 @@ std::vector<Index> kept_halfedges(const PolygonMesh& input, const TriangleMesh<d
                                   const std::vector<Index>& source_polygon, const KeepOptions& options,
                                   const std::filesystem::path& path, Context& context) {
   Keeper keeper(input, mesh, source_polygon);
-  const auto tell = [&](Index found, const char* what) {
-    if (found == 0) context.warn("read", path.string() + ": no " + what + ", so none are kept");
+  const auto tell = [&](bool found, const char* what) {
+    if (!found) context.warn("read", path.string() + ": no " + what + ", so none are kept");
   };
   if (options.materials) tell(keeper.materials(), "borders of materials");
   if (options.textures) tell(keeper.textures(), "borders of texture islands");

@@ -52,8 +52,6 @@ class SizeGrader {
   }
 
  private:
-  static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
-
   const TriangleMesh<double>& mesh_;
   std::vector<double> half_;  // from the centre of a half-edge's face to the edge's middle
 };

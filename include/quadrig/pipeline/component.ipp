@@ -170,16 +170,16 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
   struct Attempt {
     double smoothing;     // singularities closer than this many quads merge
     double longest_edge;  // of the triangles, in quad edges; 0: on a stand-in for the surface
-    bool keeps;           // creases and features
+    bool keeps = false;   // creases and features
   };
   // That many triangles a quad carry a map as well as any number; where quads are many, fewer do.
   const auto stand_in_faces = std::max<Index>(4000, static_cast<Index>(std::min(20 * quads, 40'000 + 4 * quads)));
-  std::vector<Attempt> attempts{{0.5, 1.5, false}, {1, 1.0, false}, {1, 0, false}, {2, 0.7, false}, {4, 0, false}};
+  std::vector<Attempt> attempts{{0.5, 1.5}, {1, 1.0}, {1, 0}, {2, 0.7}, {4, 0}};
   bool noise = false;  // edges that no quad will ever see
   for (Index h = 0; h < original.asset.mesh.halfedge_count() && !noise; ++h)
     noise = original.asset.mesh.edge_vector(h).norm() < 1e-5 * edge;
   if (noise || original.asset.mesh.face_count() > std::max(20'000.0, 40 * quads))
-    attempts.insert(attempts.begin(), {0.5, 0, false});
+    attempts.insert(attempts.begin(), Attempt{0.5, 0});
   if (!original.kept.empty()) {  // the first three with them, then all without
     std::vector<Attempt> keeping(attempts.begin(), attempts.begin() + 3);
     for (Attempt& attempt : keeping) attempt.keeps = true;

@@ -114,8 +114,8 @@ inline void keep_group_borders(Piece& piece, double least_length) {
 
 /// How much of the kept edges became edges of quads.
 struct Kept {
-  std::vector<char> vertex;         ///< of the quads: lies on one
-  double length = 0, as_quads = 0;  ///< of all kept edges, and of those that edges of quads run along
+  std::vector<char> vertex;  ///< of the quads: lies on one
+  double as_quads = 0;       ///< length of those that edges of quads run along
 };
 [[nodiscard]] inline Kept measure_kept(const TriangleMesh<double>& mesh, const EdgeMarks& marks,
                                        const QuadMesh& quads) {
@@ -123,7 +123,6 @@ struct Kept {
   if (marks.empty()) return result;
   constexpr double near = 1e-6;
   const EdgeCurves curves(mesh, marks);
-  result.length = curves.length();
   for (Index v = 0; v < quads.vertex_count(); ++v)
     result.vertex.push_back(curves.under(quads.source[at(v)], near) != no_index);
   for (Index q = 0; q < quads.quad_count(); ++q)

@@ -22,26 +22,25 @@ struct StandIn {
 [[nodiscard]] inline EdgeMarks carried_marks(const TriangleMesh<double>& mesh, const EdgeMarks& marks,
                                              const Refinement& finer) {
   if (marks.empty()) return {};
-  const auto index = [](Index i) { return static_cast<std::size_t>(i); };
   // The edge that each vertex lies on, by its lower half-edge; of the vertices of the mesh none.
   std::vector<Index> edge(finer.source.size(), no_index);
-  for (std::size_t v = index(mesh.vertex_count()); v < edge.size(); ++v)
+  for (std::size_t v = at(mesh.vertex_count()); v < edge.size(); ++v)
     for (int i = 0; i < 3; ++i)
       if (finer.source[v].barycentric[(i + 2) % 3] == 0) {
         const Index h = 3 * finer.source[v].face + i, g = mesh.twin(h);
         edge[v] = g == no_index ? h : std::min(h, g);
       }
-  EdgeMarks result(index(finer.mesh.halfedge_count()), 0);
+  EdgeMarks result(at(finer.mesh.halfedge_count()), 0);
   for (Index g = 0; g < finer.mesh.halfedge_count(); ++g) {
     const Index a = finer.mesh.origin(g), b = finer.mesh.target(g);
-    const Index face = finer.source_face[index(g / 3)];
+    const Index face = finer.source_face[at(g / 3)];
     for (Index h = 3 * face; h < 3 * face + 3; ++h) {
-      if (!marks[index(h)]) continue;
+      if (!marks[at(h)]) continue;
       const Index across = mesh.twin(h), low = across == no_index ? h : std::min(h, across);
       const auto on = [&](Index v) {
-        return v < mesh.vertex_count() ? v == mesh.origin(h) || v == mesh.target(h) : edge[index(v)] == low;
+        return v < mesh.vertex_count() ? v == mesh.origin(h) || v == mesh.target(h) : edge[at(v)] == low;
       };
-      if (on(a) && on(b)) result[index(g)] = 1;
+      if (on(a) && on(b)) result[at(g)] = 1;
     }
   }
   return result;

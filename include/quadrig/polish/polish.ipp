@@ -20,11 +20,9 @@ class Polisher {
     std::vector<std::size_t> next(starts_.begin(), starts_.end() - 1);
     for (Index q = 0; q < quads.quad_count(); ++q)
       for (int i = 0; i < 4; ++i) incident_[next[at(quads.quads(q, i))]++] = 4 * q + i;
-    if (mesh.closed() && kept.empty()) {
-      rail_.assign(n, no_index);
-      fixed_.assign(n, 0);
-      return;
-    }
+    rail_.assign(n, no_index);
+    fixed_.assign(n, 0);
+    if (mesh.closed() && kept.empty()) return;
     curves_.emplace(mesh, joined_marks(border_marks(mesh), kept), EdgeCurves::eighth);
     find_border();
     if (!kept.empty()) find_kept();
@@ -107,9 +105,6 @@ class Polisher {
 
   /// Border vertices of the quads slide along border half-edges of the mesh; corners of the border stay.
   void find_border() {
-    const Index n = quads_.vertex_count();
-    rail_.assign(at(n), no_index);
-    fixed_.assign(at(n), 0);
     if (mesh_.closed()) return;
     std::vector<std::array<Index, 2>> sides;
     for (Index q = 0; q < quads_.quad_count(); ++q)
