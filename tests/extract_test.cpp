@@ -1,4 +1,5 @@
 #include "map_shapes.hpp"
+#include "quadrig/pipeline/coarse_quads.hpp"
 #include "test.hpp"
 
 using namespace quadrig;
@@ -7,6 +8,9 @@ using namespace quadrig::test;
 namespace {
 
 using quadrig::detail::at;
+using quadrig::detail::CoarseQuadsSearch;
+using quadrig::detail::SurfaceTopology;
+using quadrig::detail::unlike;
 
 /// Everything from a field to the two grid maps.
 struct GridCase {
@@ -195,4 +199,42 @@ TEST_CASE("topology: defects of quad meshes are named", "[extract]") {
   CHECK(quad_topology(two, 6).defect == "quad 1 repeats a vertex");
   two << 0, 1, 2, 3, 0, 4, 5, 6;
   CHECK(quad_topology(two, 7).defect != "");
+  Quads fins(3, 4);
+  fins << 0, 1, 2, 3, 1, 0, 4, 5, 0, 1, 6, 7;
+  CHECK(quad_topology(fins, 8).defect == "edge 0 - 1 has 3 quads");
+  CHECK(quad_topology(fins, 8).at_defects == std::vector<Index>{0, 1, 1});  // 1 joins two borders
+}
+
+TEST_CASE("coarse quads: where a handle is fewer than three quads around, rows are added", "[extract]") {
+  std::optional<Soup> handles;
+  for (const SyntheticCase& each : synthetic_cases())
+    if (each.name == "handles_2") handles = each.make();
+  REQUIRE(handles);
+  FieldCase field = field_case(build(*handles), 0, 0.12);
+  REQUIRE((mappable(field) && !field.pinned));
+  const GridCase c = grid_case<Complex>(std::move(field), 300);
+  const SurfaceTopology surface(c.field.mesh);
+  const std::vector<char> border = c.field.border();
+  int widened = 0;
+  for (const double wanted : {15.0, 16.0, 25.0, 40.0, 300.0}) {
+    StageSeconds seconds;
+    Context context;
+    std::int64_t work = 16'000'000;
+    std::vector<std::string> reasons;
+    const auto found = CoarseQuadsSearch(c.coarse, c.field.index(), border, surface, seconds)
+                           .find(wanted, 0.05, work, reasons, context);
+    REQUIRE(found);
+    const auto n = static_cast<Index>(found->quads.vertices.size());
+    CHECK(unlike(quad_topology(found->quads.quads, n), surface).empty());
+    CHECK(found->quads.quads.rows() == static_cast<Eigen::Index>(std::lround(found->integers.quads)));
+    QuantizeOptions options;
+    options.target_quads = wanted;
+    const Quantization first = quantize(c.coarse, c.field.index(), border, options, context).value();
+    CHECK(reasons.empty() == (found->integers.edge == first.edge));
+    if (reasons.size() != 1) continue;
+    CHECK(reasons.front().find("integers at " + std::to_string(std::lround(first.quads)) + " quads: edge") == 0);
+    CHECK(found->integers.quads > first.quads);
+    widened += found->integers.quads < 1.5 * wanted;
+  }
+  CHECK(widened >= 2);
 }

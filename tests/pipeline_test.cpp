@@ -4,6 +4,7 @@
 
 #include "corpus/synthetic.hpp"
 #include "quadrig/pipeline.hpp"
+#include "quadrig/pipeline/shares.hpp"
 #include "quadrig/prepare.hpp"
 #include "quadrig/quads/topology.hpp"
 #include "quadrig/quality.hpp"
@@ -169,6 +170,34 @@ TEST_CASE("remesh: the count is met where there are enough quads a singularity",
   }
 }
 
+TEST_CASE("remesh: a small count is met too, whatever whole rows it needs", "[pipeline]") {
+  for (const SyntheticCase& c : synthetic_cases()) {
+    if (c.name != "skewed" && c.name != "parts_many") continue;
+    const Asset asset = asset_of(c.make());
+    Context context;
+    const auto result = remesh(asset, wanting(300), context);
+    REQUIRE(result);
+    check_result(asset, *result);
+    CHECK(std::abs(result->mesh.quad_count() - 300) <= 15);
+  }
+}
+
+TEST_CASE("remesh: quads are shared out, and many parts that miss theirs alike are asked again", "[pipeline]") {
+  using quadrig::detail::asked_again;
+  using quadrig::detail::quads_due;
+  CHECK(quads_due({1, 3}, 400) == std::vector<double>{100, 300});
+  CHECK(quads_due({1, 999}, 400) == std::vector<double>{6, 394});
+  CHECK(quads_due({1, 1, 1}, 6) == std::vector<double>{6, 6, 6});
+  // Three of 12 have three too many each.
+  const std::vector<double> due{12, 12, 12, 200};
+  CHECK(asked_again(due, {15, 15, 15, 200}, 9, 10).empty());
+  using Again = std::vector<std::pair<std::size_t, double>>;
+  CHECK(asked_again(due, {15, 15, 15, 200}, 9, 1) == Again{{0, 6}, {1, 6}});
+  CHECK(asked_again(due, {10, 9, 12, 200}, -5, 1) == Again{{1, 18}});
+  CHECK(asked_again(due, {12, 12, 12, 230}, 30, 1).empty());  // no matter of whole rows
+  CHECK(asked_again({8, 8}, {12, 12}, 8, 1).empty());         // none closes with less
+}
+
 TEST_CASE("remesh: the result does not depend on the number of threads", "[pipeline]") {
   using namespace synthetic;
   const Asset parts = asset_of(joined(joined(torus_mesh(30, 14, 1, 0.3), scaled(sphere(10), 0.5, Vector3(3, 0, 0))),
@@ -282,9 +311,11 @@ TEST_CASE("remesh: a surface that no map fits leaves the ladder once its work is
   }
 }
 
-TEST_CASE("remesh: the count is met where the search for integers is used up before", "[pipeline][slow]") {
+TEST_CASE("remesh: the count is met where the search for integers is used up before, and where a tip is thin",
+          "[pipeline][slow]") {
   for (const SyntheticCase& c : synthetic_cases()) {
-    if (c.name != "gear_24") continue;
+    // A tip of horns would be two quads around.
+    if (c.name != "gear_24" && c.name != "horns") continue;
     const Asset asset = asset_of(c.make());
     Context context;
     const auto result = remesh(asset, wanting(20'000), context);

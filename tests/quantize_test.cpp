@@ -175,6 +175,41 @@ TEST_CASE("quantize: lines that go round are found, and integers close them", "[
   CHECK(open * 4 < found);
 }
 
+TEST_CASE("quantize: a row that is added leaves valid integers", "[quantize]") {
+  const int which = GENERATE(0, 1, 2, 3, 5);
+  const CoarseCase c = coarse_case(which, 0);
+  Context context;
+  QuantizeOptions options;
+  options.target_quads = 300;
+  const Quantization from = quantize(c.map, c.field.index(), c.field.border(), options, context).value();
+  std::int64_t work = 1'000'000;
+  const std::vector<Index> faces{0, c.map.face_count() / 2};
+  const auto wider = widened(c.map, c.field.index(), c.field.border(), options, from, faces, context, work);
+  REQUIRE(!wider.empty());
+  CHECK(work < 1'000'000);
+  double last = 0;
+  for (const Quantization& q : wider) {
+    std::int64_t twice = 0;
+    for (Index f = 0; f < c.map.face_count(); ++f) {
+      REQUIRE(ring_zero(q.edge[at(3 * f)] + q.edge[at(3 * f + 1)] + q.edge[at(3 * f + 2)]));
+      REQUIRE(cross(q.edge[at(3 * f)], q.edge[at(3 * f + 1)]) > 0);
+      twice += cross(q.edge[at(3 * f)], q.edge[at(3 * f + 1)]);
+    }
+    CHECK(q.quads == quadrig::test::Approx(static_cast<double>(twice) / 2));
+    CHECK(q.quads > from.quads);
+    const auto cone = cones(c.map, c.field.mesh.vertex_count(), q.edge);
+    for (const Index v : c.map.origin)
+      CHECK(cone[at(v)] ==
+            quadrig::test::Approx((c.field.mesh.on_boundary(v) ? 2 : 4) - c.field.index()[at(v)]).margin(1e-9));
+    bool through = false;
+    for (const Index f : faces)
+      for (Index h = 3 * f; h < 3 * f + 3; ++h) through = through || !ring_zero(q.edge[at(h)] - from.edge[at(h)]);
+    CHECK(through);
+    last = std::max(last, q.energy);
+  }
+  CHECK(wider.front().energy <= last);
+}
+
 TEST_CASE("quantize: an answer when cancelled", "[quantize]") {
   const CoarseCase c = coarse_case(1, 0);
   std::atomic<bool> stop{true};

@@ -22,6 +22,18 @@ struct Quantization {
   int moves = 0;
 };
 
+namespace detail {
+
+inline constexpr double most_pitch = 1.5;  // quads beside its beginning that a ring may come back to be closed
+
+[[nodiscard]] inline double area_of(const CoarseMap& map) {
+  double area = 0;
+  for (Index f = 0; f < map.face_count(); ++f) area += cross(map.vector[at(3 * f)], map.vector[at(3 * f + 1)]) / 2;
+  return area;
+}
+
+}  // namespace detail
+
 /// Quantizes a coarse map at the size that gives `target_quads`.
 /// \param work where not null: what may be searched in place of `options.work`; what was is taken off
 /// \fails stage_failed where no start is valid at any size tried, or none was found within that work; cancelled.
@@ -29,12 +41,8 @@ struct Quantization {
 [[nodiscard]] inline Expected<Quantization> quantize(const CoarseMap& map, const std::vector<Index>& index,
                                                      const std::vector<char>& on_border, const QuantizeOptions& options,
                                                      Context& context, std::int64_t* work = nullptr) {
-  double map_area = 0;
-  for (Index f = 0; f < map.face_count(); ++f)
-    map_area += cross(map.vector[detail::at(3 * f)], map.vector[detail::at(3 * f + 1)]) / 2;
-  double scale = std::sqrt(options.target_quads / map_area);
-  constexpr double most_pitch = 1.5;
-  const std::vector<detail::Ring> rings = detail::near_rings(map, 1 / scale, most_pitch);
+  double scale = std::sqrt(options.target_quads / detail::area_of(map)), best_scale = scale;
+  const std::vector<detail::Ring> rings = detail::near_rings(map, 1 / scale, detail::most_pitch);
   std::optional<Quantization> best;
   std::optional<detail::Quantizer> kept;
   std::pair<double, double> best_rank;
@@ -83,6 +91,7 @@ struct Quantization {
     if (!best || rank < best_rank) {
       best = std::move(result);
       best_rank = rank;
+      best_scale = scale;
       kept.emplace(std::move(quantizer));
       waited = 0;
     }
@@ -95,17 +104,59 @@ struct Quantization {
     scale *= std::sqrt(options.target_quads / quads);
     if (low > 0 && !(scale > 1.001 * low && 1.001 * scale < high)) scale = std::sqrt(low * high);
   }
-  constexpr std::int64_t reserve = 4'000'000;  // where all is spent and the count is not near enough
-  if (std::abs(best->quads / options.target_quads - 1) > options.tolerance / (left > 0 ? 2 : 1)) {
-    const std::int64_t before = kept->effort();
-    kept->allow(before + std::max(left, reserve));
-    best->moves += kept->steer(options.target_quads, options.tolerance / 2, context);
-    spend(kept->effort() - before);
+  // A count that is not near enough is steered, and where that does not do, from sizes beside it too.
+  constexpr std::int64_t reserve = 4'000'000;  // where all is spent
+  const auto steer = [&](detail::Quantizer& quantizer) {
+    const std::int64_t before = quantizer.effort();
+    quantizer.allow(before + std::max(left, reserve));
+    const int moves = quantizer.steer(options.target_quads, options.tolerance / 2, context);
+    spend(quantizer.effort() - before);
+    return moves;
+  };
+  const auto miss_of = [&](const detail::Quantizer& quantizer) {
+    return std::abs(quantizer.quads() / options.target_quads - 1);
+  };
+  if (miss_of(*kept) > options.tolerance / (left > 0 ? 2 : 1)) best->moves += steer(*kept);
+  for (const double beside : {0.98, 1.02, 0.96, 1.04, 0.94, 1.06}) {
+    if (!(miss_of(*kept) > options.tolerance) || kept->effort() > 500'000 || left <= 0) break;
+    detail::Quantizer quantizer(map, index, on_border, rings, beside * best_scale, left);
+    const bool valid = quantizer.start(1, context) && quantizer.repair(context);
+    if (context.cancelled()) return cancelled_error("quantization");
+    int moves = valid ? quantizer.descend(context) : 0;
+    spend(quantizer.effort());
+    if (!valid) continue;
+    moves += steer(quantizer);
+    if (!(miss_of(quantizer) < miss_of(*kept))) continue;
+    best->moves = moves;
+    best->start_scale = 1;
+    kept.emplace(std::move(quantizer));
   }
   best->edge = kept->edges();
   best->quads = kept->quads();
   best->energy = kept->energy();
   return *best;
+}
+
+/// Integers with one row of quads more through one of the faces, those first that differ least from the map.
+/// \pre `from` are integers of the map for these options
+/// \param work what may be searched; what was is taken off
+/// \cost a Dijkstra search for each direction of each edge of the faces.
+[[nodiscard]] inline std::vector<Quantization> widened(const CoarseMap& map, const std::vector<Index>& index,
+                                                       const std::vector<char>& on_border,
+                                                       const QuantizeOptions& options, const Quantization& from,
+                                                       std::span<const Index> faces, const Context& context,
+                                                       std::int64_t& work) {
+  const double scale = std::sqrt(options.target_quads / detail::area_of(map));
+  const std::vector<detail::Ring> rings = detail::near_rings(map, 1 / scale, detail::most_pitch);
+  detail::Quantizer quantizer(map, index, on_border, rings, scale, work);
+  quantizer.resume(from.edge);
+  std::vector<Quantization> wider;
+  for (std::vector<Gaussian>& edges : quantizer.rows_through(faces, context)) {
+    quantizer.resume(edges);
+    wider.push_back({std::move(edges), quantizer.quads(), from.start_scale, quantizer.energy(), from.moves + 1});
+  }
+  work -= quantizer.effort();
+  return wider;
 }
 
 }  // namespace quadrig

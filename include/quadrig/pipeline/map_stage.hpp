@@ -1,10 +1,7 @@
 // From a field with sizes to quads on one component: seamless map, integers, fine map, extraction, polish.
 #pragma once
 
-#include "quadrig/pipeline.hpp"
-#include "quadrig/quads/grid_map.hpp"
-#include "quadrig/quads/place.hpp"
-#include "quadrig/quads/topology.hpp"
+#include "quadrig/pipeline/coarse_quads.hpp"
 #include "quadrig/seamless/target.hpp"
 #include "quadrig/seamless/untangle.hpp"
 
@@ -46,10 +43,6 @@ struct MapOutput {
   std::vector<std::string> reasons;
 };
 
-inline Error map_error(std::string what) {
-  return {ErrorCode::stage_failed, std::move(what), "seamless map", "ask for more quads or a smoother field"};
-}
-
 inline double map_area(const std::vector<Complex>& z) {
   double area = 0;
   for (std::size_t h = 0; h + 2 < z.size(); h += 3) area += cross(z[h + 1] - z[h], z[h + 2] - z[h]) / 2;
@@ -57,37 +50,6 @@ inline double map_area(const std::vector<Complex>& z) {
 }
 
 inline std::string count_of(Index n, const char* what) { return std::to_string(n) + " " + what + (n == 1 ? "" : "s"); }
-
-/// Quads with their places, or the first reason why they are not a mesh like the surface.
-[[nodiscard]] inline Expected<QuadMesh> placed_quads(const TriangleMesh<double>& mesh, ExtractedQuads extracted,
-                                                     function_ref<SurfacePoint(const SurfacePoint&)> place, Index euler,
-                                                     Index loops, const Context& context) {
-  const QuadTopology topology = quad_topology(extracted.quads, static_cast<Index>(extracted.vertices.size()));
-  if (!topology.defect.empty()) return map_error(topology.defect);
-  if (topology.euler != euler || topology.boundary_loops != loops)
-    return map_error("the quads have another topology than the surface");
-  QuadMesh quads;
-  quads.quads = std::move(extracted.quads);
-  quads.source = std::move(extracted.vertices);
-  quads.positions.resize(static_cast<Eigen::Index>(quads.source.size()), 3);
-  for (std::size_t v = 0; v < quads.source.size(); ++v) {
-    if (v % 1024 == 0 && context.cancelled()) return cancelled_error("extraction");
-    quads.source[v] = place(quads.source[v]);
-    quads.positions.row(static_cast<Eigen::Index>(v)) = position(mesh, quads.source[v]).transpose();
-  }
-  return quads;
-}
-
-[[nodiscard]] inline Index boundary_loop_count(const TriangleMesh<double>& mesh) {
-  Index loops = 0;
-  std::vector<char> seen(at(mesh.vertex_count()), 0);
-  for (Index v = 0; v < mesh.vertex_count(); ++v) {
-    if (seen[at(v)] || !mesh.on_boundary(v)) continue;
-    ++loops;
-    for (Index w = v; !seen[at(w)]; w = mesh.target(mesh.outgoing(w))) seen[at(w)] = 1;
-  }
-  return loops;
-}
 
 /// \param trouble faces at which no valid map was found, where that was the reason
 template <class K>
@@ -100,7 +62,7 @@ template <class K>
     into += watch.seconds();
     watch = {};
   };
-  const Index euler = euler_characteristic(mesh), loops = boundary_loop_count(mesh);
+  const SurfaceTopology topology(mesh);
 
   const auto singular = std::count_if(in.index.begin(), in.index.end(), [](Index i) { return i != 0; });
   Expected<MapUnknowns<K>> unknowns = MapUnknowns<K>::create(mesh, in.cut, in.index, in.aligned, &context);
@@ -183,38 +145,15 @@ template <class K>
   std::vector<char> on_border(at(mesh.vertex_count()));
   for (Index v = 0; v < mesh.vertex_count(); ++v) on_border[at(v)] = mesh.on_boundary(v);
 
-  // Handles or loops of fewer than three quads make a quad meet itself: then more quads are needed.
-  QuantizeOptions quantization;
-  quantization.target_quads = in.quads;
-  quantization.tolerance = options.count_tolerance;
-  std::optional<Quantization> integers;
-  std::optional<QuadMesh> coarse_quads;
-  const CoarsePlacement place(mesh, in.cut, z, coarse);
-  for (int attempt = 0; attempt < 12 && !coarse_quads; ++attempt, quantization.target_quads *= 1.5) {
-    Expected<Quantization> tried = quantize(coarse, in.index, on_border, quantization, context, &in.left.integers);
-    if (!tried) return tried.error();
-    if (context.cancelled()) return cancelled_error("coarse map");
-    const GridMap grid = coarse_grid_map(coarse, *tried);
-    if (!grid_map_exact(grid)) return map_error("the coarse map is not an integer-grid map");
-    lap(seconds.integers);
-    Expected<ExtractedQuads> extracted = extract_quads(grid, static_cast<std::size_t>(tried->quads + 0.5));
-    if (!extracted) return extracted.error();
-    const auto on_surface = [&](const SurfacePoint& p) { return in.onto(place(p)); };
-    if (context.cancelled()) return cancelled_error("extraction");
-    Expected<QuadMesh> quads = placed_quads(in.surface, std::move(*extracted), on_surface, euler, loops, context);
-    if (!quads && quads.error().code == ErrorCode::cancelled) return quads.error();
-    lap(seconds.extraction);
-    if (quads) {
-      coarse_quads = std::move(*quads);
-      integers = std::move(*tried);
-    } else {
-      out.reasons.push_back("integers at " + std::to_string(static_cast<Index>(tried->quads)) +
-                            " quads: " + quads.error().what);
-    }
-  }
-  if (!coarse_quads) return map_error(out.reasons.back());
-  if (integers->quads > 2 * std::max(in.quads, 20.0 * static_cast<double>(singular + 1)))
-    return map_error("the map needs " + std::to_string(static_cast<Index>(integers->quads)) + " quads");
+  const double extraction_before = seconds.extraction;
+  Expected<CoarseQuads> found = CoarseQuadsSearch(coarse, in.index, on_border, topology, seconds)
+                                    .find(in.quads, options.count_tolerance, in.left.integers, out.reasons, context);
+  lap(seconds.integers);
+  seconds.integers -= seconds.extraction - extraction_before;
+  if (!found) return found.error();
+  const Quantization& integers = found->integers;
+  if (integers.quads > 2 * std::max(in.quads, 20.0 * static_cast<double>(singular + 1)))
+    return map_error("the map needs " + std::to_string(static_cast<Index>(integers.quads)) + " quads");
 
   constexpr double sound = 0.05;  // least scaled Jacobian: below it, another way is better
   const auto polished = [&](QuadMesh quads) {
@@ -223,11 +162,11 @@ template <class K>
     return std::pair{std::move(quads), report};
   };
   const auto fine_quads = [&]() -> Expected<QuadMesh> {
-    Expected<IntegerSolution<K>> solution = substitute_integers<K>(in.cut, *unknowns, coarse, *integers);
+    Expected<IntegerSolution<K>> solution = substitute_integers<K>(in.cut, *unknowns, coarse, integers);
     if (!solution) return solution.error();
     if (context.cancelled()) return cancelled_error("fine map");
     TargetEdges scaled = target;
-    const double factor = std::sqrt(integers->quads / target_area(target));
+    const double factor = std::sqrt(integers.quads / target_area(target));
     for (Complex& d : scaled) d *= factor;
     x = solution->unknown;
     PoissonOptions poisson;
@@ -255,10 +194,14 @@ template <class K>
     if (!grid) return grid.error();
     if (context.cancelled()) return cancelled_error("fine map");
     if (!grid_map_exact(*grid)) return map_error("fine map: a triangle flips in fixed point");
-    Expected<ExtractedQuads> extracted = extract_quads(*grid, static_cast<std::size_t>(integers->quads + 0.5));
+    Expected<ExtractedQuads> extracted = extract_quads(*grid, static_cast<std::size_t>(integers.quads + 0.5));
     if (!extracted) return extracted.error();
     if (context.cancelled()) return cancelled_error("extraction");
-    Expected<QuadMesh> quads = placed_quads(in.surface, std::move(*extracted), in.onto, euler, loops, context);
+    if (std::string defect =
+            unlike(quad_topology(extracted->quads, static_cast<Index>(extracted->vertices.size())), topology);
+        !defect.empty())
+      return map_error(std::move(defect));
+    Expected<QuadMesh> quads = placed_quads(in.surface, std::move(*extracted), in.onto, context);
     lap(seconds.extraction);
     return quads;
   }();
@@ -275,6 +218,11 @@ template <class K>
   } else {
     out.reasons.push_back(fine_quads.error().what);
   }
+  const CoarsePlacement place(mesh, in.cut, z, coarse);
+  const auto on_surface = [&](const SurfacePoint& p) { return in.onto(place(p)); };
+  Expected<QuadMesh> coarse_quads = placed_quads(in.surface, std::move(found->quads), on_surface, context);
+  if (!coarse_quads) return coarse_quads.error();
+  lap(seconds.extraction);
   auto [quads, report] = polished(std::move(*coarse_quads));
   // Straight lines leave more to be done than a fine map does.
   for (int again = 0; again < 3 && report.least_after > sound; ++again)

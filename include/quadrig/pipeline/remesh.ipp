@@ -1,9 +1,12 @@
 #pragma once
 
+#include <numeric>
+
 #include "quadrig/constraints/gradation.hpp"
 #include "quadrig/dominance.hpp"
 #include "quadrig/pipeline/component.hpp"
 #include "quadrig/pipeline/features.hpp"
+#include "quadrig/pipeline/shares.hpp"
 #include "quadrig/quads/topology.hpp"
 
 namespace quadrig {
@@ -25,9 +28,6 @@ QUADRIG_INLINE Status RemeshOptions::validate() const {
 }
 
 namespace detail {
-
-/// Fewer close no surface: a box.
-inline constexpr double least_quads = 6;
 
 /// Sizes that a preset stands for.
 inline SizingOptions preset_sizing(FieldPreset preset, bool rigged) {
@@ -169,44 +169,46 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
   const Components components = face_components(mesh);
   std::vector<std::vector<Index>> faces(at(components.count));
   std::vector<double> share(at(components.count), 0.0);
-  double whole = 0;
   for (Index f = 0; f < mesh.face_count(); ++f) {
     if (f % 4096 == 0 && context.cancelled()) return cancelled_error("remesh");
     const auto c = at(components.of_face[at(f)]);
     faces[c].push_back(f);
     share[c] += mesh.area(f) * (sized ? sizes.density[at(f)] : 1.0);
   }
-  for (const double s : share) whole += s;
-  // The smallest parts need more quads than are due to them: the others make up for it.
-  std::vector<double> due(faces.size());
-  double left = options.quads, rest = whole;
-  for (bool again = true; again;) {
-    again = false;
-    for (std::size_t c = 0; c < faces.size(); ++c) {
-      if (due[c] > 0 || !(left * share[c] < detail::least_quads * rest)) continue;
-      due[c] = detail::least_quads;
-      left -= due[c];
-      rest -= share[c];
-      again = left > 0;
-    }
-  }
-  left = std::max(left, 0.5 * options.quads);
-  for (std::size_t c = 0; c < faces.size(); ++c)
-    if (!(due[c] > 0)) due[c] = std::max(1.0, left * share[c] / rest);
+  const std::vector<double> due = detail::quads_due(share, options.quads);
   if (context.cancelled()) return cancelled_error("remesh");
   const EdgeMarks kept = detail::kept_edges(mesh, options);
   const detail::RemeshShared shared{
       asset, connection, options, sizing, sized ? &sizes : nullptr, metric ? &*metric : nullptr, kept};
   std::vector<std::optional<Expected<detail::ComponentResult>>> parts(faces.size());
   context.progress("remesh", 0.1);
-  const auto work = [&](std::size_t begin, std::size_t end) {
-    for (std::size_t c = begin; c < end; ++c) {
-      const Context inner = context.quiet(faces.size() > 1 ? 1 : context.threads);
-      parts[c] = detail::remesh_component(shared, faces[c], due[c], inner);
-    }
+  const auto remesh_part = [&](std::size_t c, double asked) {
+    return detail::remesh_component(shared, faces[c], asked, context.quiet(faces.size() > 1 ? 1 : context.threads));
   };
-  context.parallel_for(faces.size(), 1, work);
+  context.parallel_for(faces.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t c = begin; c < end; ++c) parts[c] = remesh_part(c, due[c]);
+  });
   if (context.cancelled()) return cancelled_error("remesh");
+  if (faces.size() > 1 && std::ranges::all_of(parts, [](const auto& part) { return part->has_value(); })) {
+    std::vector<Index> got;
+    for (const auto& part : parts) got.push_back((*part)->mesh.quad_count());
+    double missed = static_cast<double>(std::accumulate(got.begin(), got.end(), Index{0})) - options.quads;
+    const auto again = detail::asked_again(due, got, missed, 0.8 * options.count_tolerance * options.quads);
+    std::vector<std::optional<Expected<detail::ComponentResult>>> others(again.size());
+    context.parallel_for(again.size(), 1, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t k = begin; k < end; ++k) others[k] = remesh_part(again[k].first, again[k].second);
+    });
+    if (context.cancelled()) return cancelled_error("remesh");
+    for (std::size_t k = 0; k < again.size(); ++k) {
+      auto& part = *parts[again[k].first];
+      Expected<detail::ComponentResult>& other = *others[k];
+      if (!other || other->report.rung != part->report.rung) continue;
+      const double change = static_cast<double>(other->mesh.quad_count() - part->mesh.quad_count());
+      if (!(std::abs(missed + change) < std::abs(missed))) continue;
+      missed += change;
+      part = std::move(other);
+    }
+  }
 
   // One mesh of all parts, in the order of the components.
   watch = {};

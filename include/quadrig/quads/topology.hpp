@@ -8,8 +8,9 @@ namespace quadrig {
 /// Counts of a connected or unconnected quad mesh, and the first thing that keeps it from being an oriented manifold.
 struct QuadTopology {
   Index euler = 0, boundary_loops = 0;
-  Index irregular = 0;  ///< inner vertices whose valence is not 4
-  std::string defect;   ///< empty for an oriented manifold without repeated vertices or quads
+  Index irregular = 0;            ///< inner vertices whose valence is not 4
+  std::string defect;             ///< empty for an oriented manifold without repeated vertices or quads
+  std::vector<Index> at_defects;  ///< vertices of that and of others like it, as often as they are met
 };
 
 /// \cost O(m log m).
@@ -17,8 +18,9 @@ struct QuadTopology {
   const auto at = [](Index i) { return static_cast<std::size_t>(i); };
   QuadTopology result;
   const Index m = static_cast<Index>(quads.rows());
-  const auto fail = [&](std::string text) {
+  const auto fail = [&](std::string text, std::initializer_list<Index> vertices) {
     if (result.defect.empty()) result.defect = std::move(text);
+    result.at_defects.insert(result.at_defects.end(), vertices);
   };
   struct Side {
     Index low, high, corner;
@@ -30,7 +32,7 @@ struct QuadTopology {
   for (Index q = 0; q < m; ++q)
     for (int i = 0; i < 4; ++i) {
       const Index a = quads(q, i), b = quads(q, (i + 1) % 4);
-      if (a == b || a == quads(q, (i + 2) % 4)) fail("quad " + std::to_string(q) + " repeats a vertex");
+      if (a == b || a == quads(q, (i + 2) % 4)) fail("quad " + std::to_string(q) + " repeats a vertex", {a});
       sides.push_back({std::min(a, b), std::max(a, b), 4 * q + i, a < b});
       ++corners[at(a)];
     }
@@ -45,22 +47,24 @@ struct QuadTopology {
     ++valence[at(sides[k].low)];
     ++valence[at(sides[k].high)];
     const std::string place = std::to_string(sides[k].low) + " - " + std::to_string(sides[k].high);
-    if (last - k > 2) fail("edge " + place + " has " + std::to_string(last - k) + " quads");
+    if (last - k > 2)
+      fail("edge " + place + " has " + std::to_string(last - k) + " quads", {sides[k].low, sides[k].high});
     if (last - k == 2) {
-      if (sides[k].forward == sides[k + 1].forward) fail("edge " + place + " is run the same way twice");
+      if (sides[k].forward == sides[k + 1].forward)
+        fail("edge " + place + " is run the same way twice", {sides[k].low, sides[k].high});
       twin[at(sides[k].corner)] = sides[k + 1].corner;
       twin[at(sides[k + 1].corner)] = sides[k].corner;
     }
     if (last - k == 1) {
       const Index from = sides[k].forward ? sides[k].low : sides[k].high;
-      if (next_border[at(from)] != no_index) fail("vertex " + std::to_string(from) + " joins two borders");
+      if (next_border[at(from)] != no_index) fail("vertex " + std::to_string(from) + " joins two borders", {from});
       next_border[at(from)] = sides[k].forward ? sides[k].high : sides[k].low;
     }
   }
   Index used = 0;
   for (Index v = 0; v < vertex_count; ++v) {
     if (corners[at(v)] == 0) {
-      fail("vertex " + std::to_string(v) + " belongs to no quad");
+      fail("vertex " + std::to_string(v) + " belongs to no quad", {v});
       continue;
     }
     ++used;
@@ -87,7 +91,7 @@ struct QuadTopology {
         seen[at(k)] = 1;
         ++count;
       }
-      if (count != corners[at(v)]) fail("the quads at vertex " + std::to_string(v) + " form more than one fan");
+      if (count != corners[at(v)]) fail("the quads at vertex " + std::to_string(v) + " form more than one fan", {v});
     }
     std::vector<std::array<Index, 4>> sorted(at(m));
     for (Index q = 0; q < m; ++q) {
@@ -95,7 +99,9 @@ struct QuadTopology {
       std::sort(sorted[at(q)].begin(), sorted[at(q)].end());
     }
     std::sort(sorted.begin(), sorted.end());
-    if (std::adjacent_find(sorted.begin(), sorted.end()) != sorted.end()) fail("two quads have the same vertices");
+    for (std::size_t k = 1; k < sorted.size(); ++k)
+      if (sorted[k - 1] == sorted[k])
+        fail("two quads have the same vertices", {sorted[k][0], sorted[k][1], sorted[k][2], sorted[k][3]});
     std::vector<char> walked(at(vertex_count), 0);
     for (Index v = 0; v < vertex_count; ++v) {
       if (next_border[at(v)] == no_index || walked[at(v)]) continue;

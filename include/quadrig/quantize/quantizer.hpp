@@ -1,27 +1,20 @@
-// The state of one quantization: integer vectors on the coarse map, and moves that add or take one row of quads.
+// Moves on the integers of a coarse map that add or take one row of quads.
 #pragma once
 
-#include "quadrig/quantize/rings.hpp"
+#include <queue>
+
+#include "quadrig/quantize/integer_edges.hpp"
 
 namespace quadrig::detail {
 
-class Quantizer {
+class Quantizer : public IntegerEdges {
  public:
   /// \param rings of the map, which the energy asks to close: near_rings
   /// \param most effort that may be spent; beyond it every search gives up
   Quantizer(const CoarseMap& map, const std::vector<Index>& index, const std::vector<char>& on_border,
             const std::vector<Ring>& rings, double scale, std::int64_t most)
-      : map_(map), index_(index), on_border_(on_border), rings_(rings), most_(most) {
+      : IntegerEdges(map, index, on_border, rings, scale), most_(most) {
     const Index n = map.halfedge_count();
-    wanted_.resize(at(n));
-    weight_.resize(at(n));
-    omega_.assign(at(n), Gaussian{});
-    for (Index h = 0; h < n; ++h) {
-      wanted_[at(h)] = scale * map.vector[at(h)];
-      weight_[at(h)].fill(relative(h));
-    }
-    weigh_shear();
-    weigh_rings(scale);
     distance_.assign(at(4 * n), 0);
     from_.assign(at(4 * n), no_index);
     stamp_.assign(at(4 * n), 0);
@@ -147,62 +140,37 @@ class Quantizer {
     return moves;
   }
 
-  [[nodiscard]] bool cones_right() const {
-    for (Index h = 0; h < map_.halfedge_count(); ++h)
-      if (!cone_right(h)) return false;
-    return true;
-  }
-  [[nodiscard]] double quads() const {
-    double total = 0;
-    for (Index f = 0; f < map_.face_count(); ++f) total += static_cast<double>(area(f));
-    return total / 2;
-  }
-  /// Σ of the squared relative errors alone.
-  [[nodiscard]] double energy() const {
-    double total = 0;
-    for (Index h = 0; h < map_.halfedge_count(); ++h)
-      if (map_.twin[at(h)] == no_index || map_.twin[at(h)] > h)
-        total += relative(h) * std::norm(to_field(omega_[at(h)]) - wanted_[at(h)]);
-    return total;
-  }
-  /// Dirichlet energy of the change over all triangles, what turns edges counted more. No matter of the size of quads.
-  [[nodiscard]] double distortion() const {
-    double total = 0;
-    for (Index f = 0; f < map_.face_count(); ++f) {
-      const Complex a = wanted_[at(3 * f)], b = wanted_[at(3 * f + 1)];
-      const double det = cross(a, b);
-      if (!(det > 1e-9)) continue;
-      const Complex ea = to_field(omega_[at(3 * f)]) - a, eb = to_field(omega_[at(3 * f + 1)]) - b;
-      const auto slope = [&](double along_a, double along_b) {
-        return std::pair{(along_a * b.imag() - along_b * a.imag()) / det,
-                         (along_b * a.real() - along_a * b.real()) / det};
-      };
-      const auto [xx, xy] = slope(ea.real(), eb.real());
-      const auto [yx, yy] = slope(ea.imag(), eb.imag());
-      total += det / 2 * (xx * xx + yy * yy + turning * (xy * xy + yx * yx));
+  /// Takes integers that were found before. \pre valid
+  void resume(const std::vector<Gaussian>& edges) { omega_ = edges; }
+
+  /// All integers with one row more through one of these faces, those first that cost least. \pre valid
+  [[nodiscard]] std::vector<std::vector<Gaussian>> rows_through(std::span<const Index> faces, const Context& context) {
+    missing_ = 1e9;
+    offers_.clear();
+    for (const Index f : faces)
+      for (Index h = 3 * f; h < 3 * f + 3; ++h)
+        for (int a = 0; a < 4; ++a)
+          if (!stop(context)) try_strip(h, a, Aim::count);
+    std::stable_sort(offers_.begin(), offers_.end(),
+                     [](const Offer& x, const Offer& y) { return x.price * x.quads < y.price * y.quads; });
+    const std::vector<Gaussian> before = omega_;
+    std::vector<std::vector<Gaussian>> found;
+    for (const Offer& offer : offers_) {
+      for (const auto& [h, delta] : offer.changes) set(h, omega_[at(h)] + delta);
+      found.push_back(std::exchange(omega_, before));
     }
-    return total;
+    return found;
   }
-  /// Σ over the rings of their squared slopes, as the energy counts them.
-  [[nodiscard]] double spirals() const {
-    double total = 0;
-    for (std::size_t ring = 0; ring < rings_.size(); ++ring) {
-      const auto off = static_cast<double>(pitch(ring));
-      total += ring_weight_[ring] * off * off;
-    }
-    return total;
-  }
+
   /// Nodes searched so far.
   [[nodiscard]] std::int64_t work() const { return work_; }
   /// Nodes searched, and what else takes about as long as one.
   [[nodiscard]] std::int64_t effort() const { return work_ + beside_; }
   /// From now on up to this effort.
   void allow(std::int64_t most) { most_ = most; }
-  [[nodiscard]] const std::vector<Gaussian>& edges() const { return omega_; }
 
  private:
   static constexpr double broken = 1e6;  // dwarfs any energy
-  static constexpr double turning = 4;   // what turns edges against what stretches them
   /// What a strip is tried for. For the count it is only offered.
   enum class Aim : std::uint8_t { repair, energy, count };
   struct Offer {
@@ -228,102 +196,6 @@ class Quantizer {
   }
 
   [[nodiscard]] bool stop(const Context& context) const { return effort() > most_ || context.cancelled(); }
-  [[nodiscard]] static Gaussian axis(int a) { return rotated(Gaussian{1, 0}, a); }
-  [[nodiscard]] static Index next(Index h) { return h % 3 == 2 ? h - 2 : h + 1; }
-  [[nodiscard]] static Index prev(Index h) { return h % 3 == 0 ? h + 2 : h - 1; }
-
-  [[nodiscard]] double relative(Index h) const { return 1 / std::max(std::norm(wanted_[at(h)]), 1e-4); }
-  /// Next to the relative error of each edge a part of the Dirichlet energy of the change. There what turns the edges
-  /// of quads counts more than what stretches them: where the ends of a limb's long edges are off by one row, its rings
-  /// become spirals.
-  void weigh_shear() {
-    constexpr double part = 0.05;
-    std::vector<std::array<double, 2>> cotangent(weight_.size(), {0, 0});
-    for (Index h = 0; h < map_.halfedge_count(); ++h) {
-      const Complex a = -wanted_[at(next(h))], b = wanted_[at(prev(h))];
-      const double area = 2 * std::max(std::abs(cross(a, b)), 1e-9);
-      const double x = a.real() * b.real() / area, y = a.imag() * b.imag() / area;
-      const std::array<double, 2> own{turning * x + y, x + turning * y};
-      cotangent[at(h)][0] += own[0];
-      cotangent[at(h)][1] += own[1];
-      if (const Index g = map_.twin[at(h)]; g != no_index) {
-        const bool odd = (map_.rotation[at(h)] & 1) != 0;
-        cotangent[at(g)][0] += own[odd];
-        cotangent[at(g)][1] += own[!odd];
-      }
-    }
-    for (std::size_t h = 0; h < weight_.size(); ++h)
-      for (std::size_t c = 0; c < 2; ++c) weight_[h][c] += part * std::clamp(cotangent[h][c], 0.05, 3 * turning);
-  }
-
-  void set(Index h, Gaussian w) {
-    omega_[at(h)] = w;
-    if (const Index g = map_.twin[at(h)]; g != no_index) omega_[at(g)] = -rotated(w, map_.rotation[at(h)]);
-  }
-  [[nodiscard]] Gaussian sum(Index f) const {
-    return omega_[at(3 * f)] + omega_[at(3 * f + 1)] + omega_[at(3 * f + 2)];
-  }
-  [[nodiscard]] std::int64_t area(Index f) const { return cross(omega_[at(3 * f)], omega_[at(3 * f + 1)]); }
-  [[nodiscard]] double cost(Index h, Gaussian w) const {
-    const Complex off = to_field(w) - wanted_[at(h)];
-    const auto& [x, y] = weight_[at(h)];
-    return x * off.real() * off.real() + y * off.imag() * off.imag();
-  }
-  /// Energy that ω_h + i^a adds.
-  [[nodiscard]] double change(Index h, int a) const {
-    return cost(h, omega_[at(h)] + axis(a)) - cost(h, omega_[at(h)]);
-  }
-  [[nodiscard]] bool forbidden(Index h, int a) const {
-    const Aligned aligned = map_.aligned[at(h)];
-    if (aligned == Aligned::none) return false;
-    return (aligned == Aligned::v_constant) == ((a & 1) != 0);
-  }
-  [[nodiscard]] bool cone_right(Index h) const {
-    constexpr double half_pi = 1.57079632679489661923;
-    const Index v = map_.origin[at(h)];
-    Index start = h;
-    if (on_border_[at(v)])
-      while (map_.twin[at(start)] != no_index) start = next(map_.twin[at(start)]);
-    double total = 0;
-    Index e = start;
-    do {
-      total += std::arg(to_field(-omega_[at(prev(e))]) * std::conj(to_field(omega_[at(e)])));
-      e = map_.twin[at(prev(e))];
-    } while (e != no_index && e != start);
-    const double wanted = (on_border_[at(v)] ? 2 : 4) - index_[at(v)];
-    return std::abs(total / half_pi - wanted) < 0.5;
-  }
-
-  void weigh_rings(double scale) {
-    constexpr double slope =
-        2000;  // what a squared slope costs: one row off in 45 as much as one edge off by its length
-    const auto states = 4 * omega_.size();
-    ring_effect_.assign(rings_.size() * states, 0);
-    for (std::size_t ring = 0; ring < rings_.size(); ++ring) {
-      const double length = scale * rings_[ring].length;
-      ring_weight_.push_back(slope / (length * length));
-      for (const auto& [h, turn] : rings_[ring].walk)
-        for (int a = 0; a < 4; ++a) {
-          const Gaussian gain = axis(a + turn);
-          const auto across = static_cast<std::int8_t>(rings_[ring].across(gain.re, gain.im));
-          ring_effect_[ring * states + at(4 * h + a)] += across;
-          if (const Index other = reversed(4 * h + a); other != no_index)
-            ring_effect_[ring * states + at(other)] += across;
-        }
-    }
-  }
-  /// How many quads beside its beginning a ring comes back.
-  [[nodiscard]] std::int64_t pitch(std::size_t ring) const {
-    Gaussian sum{};
-    for (const auto& [h, turn] : rings_[ring].walk) sum = sum + rotated(omega_[at(h)], turn & 3);
-    return rings_[ring].across(sum.re, sum.im);
-  }
-  /// The same strip the other way: what the half-edge across receives. no_index on the border.
-  [[nodiscard]] Index reversed(Index node) const {
-    const Index g = map_.twin[at(node / 4)];
-    return g == no_index ? no_index : 4 * g + ((node + 2 + map_.rotation[at(node / 4)]) & 3);
-  }
-
   /// Price of passing through a face: +i^a on `entry`, −i^a on `exit`.
   [[nodiscard]] double passage(Index entry, Index exit, int a) const {
     const Gaussian in = omega_[at(entry)] + axis(a), out = omega_[at(exit)] - axis(a);
@@ -604,17 +476,9 @@ class Quantizer {
     return false;
   }
 
-  const CoarseMap& map_;
-  const std::vector<Index>& index_;
-  const std::vector<char>& on_border_;
-  const std::vector<Ring>& rings_;
-  std::vector<double> ring_weight_;       // of the squared pitch
-  std::vector<std::int8_t> ring_effect_;  // per ring and search node: what it adds to the pitch
-  std::vector<double> ring_distance_;     // per level and search node
+  std::vector<double> ring_distance_;  // per level and search node
   std::vector<Index> ring_from_;
-  std::vector<Complex> wanted_;
-  std::vector<std::array<double, 2>> weight_;  // of the squared error of both components
-  std::vector<Gaussian> omega_, saved_;
+  std::vector<Gaussian> saved_;
   std::vector<double> distance_;
   std::vector<Index> from_, touched_;
   std::vector<std::uint32_t> stamp_;

@@ -1,0 +1,62 @@
+// How many quads each component is asked for.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "quadrig/core.hpp"
+
+namespace quadrig::detail {
+
+/// Fewer close no surface: a box.
+inline constexpr double least_quads = 6;
+
+/// Quads due to each component in proportion to `share`. The smallest need more than is due to them: the others make
+/// up for it, for up to half of their own. \pre shares are positive
+[[nodiscard]] inline std::vector<double> quads_due(const std::vector<double>& share, double quads) {
+  std::vector<double> due(share.size());
+  double left = quads, rest = 0;
+  for (const double s : share) rest += s;
+  for (bool again = true; again;) {
+    again = false;
+    for (std::size_t c = 0; c < share.size(); ++c) {
+      if (due[c] > 0 || !(left * share[c] < least_quads * rest)) continue;
+      due[c] = least_quads;
+      left -= due[c];
+      rest -= share[c];
+      again = left > 0;
+    }
+  }
+  left = std::max(left, 0.5 * quads);
+  for (std::size_t c = 0; c < share.size(); ++c)
+    if (!(due[c] > 0)) due[c] = std::max(1.0, left * share[c] / rest);
+  return due;
+}
+
+/// Whole rows miss a small count by much. Where many small components miss theirs to the same side, some are to miss
+/// it to the other: those that are off the most and how many quads to ask them for, enough to bring `missed`, the
+/// quads that there are too many of in all, within `tolerated`.
+[[nodiscard]] inline std::vector<std::pair<std::size_t, double>> asked_again(const std::vector<double>& due,
+                                                                             const std::vector<Index>& got,
+                                                                             double missed, double tolerated) {
+  constexpr double small = 40;
+  std::vector<std::pair<std::size_t, double>> again;
+  if (std::abs(missed) <= tolerated) return again;
+  const auto off = [&](std::size_t c) { return static_cast<double>(got[c]) - due[c]; };
+  std::vector<std::size_t> candidates;
+  for (std::size_t c = 0; c < due.size(); ++c)
+    if (due[c] < small && off(c) * missed > 0 && due[c] - 2 * off(c) >= least_quads) candidates.push_back(c);
+  std::stable_sort(candidates.begin(), candidates.end(),
+                   [&](std::size_t a, std::size_t b) { return std::abs(off(a)) > std::abs(off(b)); });
+  double left = std::abs(missed);
+  for (const std::size_t c : candidates) {
+    if (left <= tolerated) break;
+    again.emplace_back(c, due[c] - 2 * off(c));
+    left -= 2 * std::abs(off(c));
+  }
+  return again;
+}
+
+}  // namespace quadrig::detail
