@@ -78,7 +78,7 @@ class CoarseQuadsSearch {
       if (!tried->defect.empty()) {
         reasons.push_back("integers at " + std::to_string(static_cast<Index>(tried->found.integers.quads)) +
                           " quads: " + tried->defect);
-        if (Status status = widen(options, *tried, work, context); !status.ok()) return status.error();
+        if (Status status = widen(options.target_quads, *tried, work, context); !status.ok()) return status.error();
       }
       if (tried->defect.empty()) return std::move(tried->found);
     }
@@ -105,13 +105,12 @@ class CoarseQuadsSearch {
   }
 
   /// Adds rows next to defects as long as that leaves fewer, and not more quads than the next attempt asks for.
-  [[nodiscard]] Status widen(const QuantizeOptions& options, Tried& tried, std::int64_t& work, Context& context) {
+  [[nodiscard]] Status widen(double target, Tried& tried, std::int64_t& work, Context& context) {
     auto left = static_cast<Index>(std::max(16.0, 1e6 / tried.found.integers.quads));  // extractions
     while (!tried.defect.empty() && !tried.at_defects.empty()) {
       bool fewer = false;
-      for (Quantization& wider :
-           widened(map_, index_, on_border_, options, tried.found.integers, faces_at_defects(tried), context, work)) {
-        if (wider.quads > 1.5 * options.target_quads) continue;
+      for (Quantization& wider : rows_at(tried.found, tried.at_defects, target, work, context)) {
+        if (wider.quads > 1.5 * target) continue;
         if (context.cancelled()) return cancelled_error("coarse map");
         if (left-- <= 0) return {};
         Expected<Tried> next = extract(std::move(wider));
@@ -127,19 +126,19 @@ class CoarseQuadsSearch {
     return {};
   }
 
-  /// Coarse faces under the quads that have a vertex where there is a defect.
-  [[nodiscard]] std::vector<Index> faces_at_defects(const Tried& tried) const {
-    const ExtractedQuads& found = tried.found.quads;
-    std::vector<char> defect(found.vertices.size(), 0), face(at(map_.face_count()), 0);
-    std::vector<char> vertex(on_border_.size(), 0);
-    for (const Index v : tried.at_defects) defect[at(v)] = 1;
-    for (Eigen::Index q = 0; q < found.quads.rows(); ++q) {
+  /// Integers with a row more through the coarse faces under the quads at these corners. \param target quads
+  [[nodiscard]] std::vector<Quantization> rows_at(const CoarseQuads& from, std::span<const Index> corners,
+                                                  double target, std::int64_t& work, const Context& context) const {
+    const ExtractedQuads& quads = from.quads;
+    std::vector<char> marked(quads.vertices.size(), 0), face(at(map_.face_count()), 0), vertex(on_border_.size(), 0);
+    for (const Index v : corners) marked[at(v)] = 1;
+    for (Eigen::Index q = 0; q < quads.quads.rows(); ++q) {
       bool near = false;
-      for (int i = 0; i < 4; ++i) near = near || defect[at(found.quads(q, i))];
+      for (int i = 0; i < 4; ++i) near = near || marked[at(quads.quads(q, i))];
       for (int i = 0; near && i < 4; ++i) {
-        const Index v = found.quads(q, i);
-        face[at(found.vertices[at(v)].face)] = 1;
-        if (const Index w = found.mesh_vertex[at(v)]; w != no_index) vertex[at(w)] = 1;
+        const Index v = quads.quads(q, i);
+        face[at(quads.vertices[at(v)].face)] = 1;
+        if (const Index w = quads.mesh_vertex[at(v)]; w != no_index) vertex[at(w)] = 1;
       }
     }
     std::vector<Index> faces;
@@ -148,7 +147,9 @@ class CoarseQuadsSearch {
       for (Index h = 3 * f; h < 3 * f + 3; ++h) near = near || vertex[at(map_.origin[at(h)])];
       if (near) faces.push_back(f);
     }
-    return faces;
+    QuantizeOptions options;
+    options.target_quads = target;
+    return widened(map_, index_, on_border_, options, from.integers, faces, context, work);
   }
 
   const CoarseMap& map_;

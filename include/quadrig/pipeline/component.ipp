@@ -407,8 +407,8 @@ QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& sh
                            surface, surface_kept, onto, left};
       std::vector<Index> trouble;
       Expected<MapOutput> mapped =
-          alignment.any ? map_stage<double>(input, options, result.seconds, result.backends, trouble, context)
-                        : map_stage<Complex>(input, options, result.seconds, result.backends, trouble, context);
+          alignment.any ? MapStage<double>(input, options, result.seconds, result.backends).run(trouble, context)
+                        : MapStage<Complex>(input, options, result.seconds, result.backends).run(trouble, context);
       if (context.cancelled()) return cancelled_error("remesh");
       if (mapped && attempt.keeps && mapped->quads.quad_count() > 1.5 * quads) {
         leave("creases and features need " + std::to_string(mapped->quads.quad_count()) + " quads");
