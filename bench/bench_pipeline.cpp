@@ -23,6 +23,7 @@ void run(benchmark::State& state, const std::string& backend, const std::string&
     state.counters["quads"] = result->report.quads;
   }
   state.counters["s_metric"] = seconds.metric;
+  state.counters["s_pieces"] = seconds.pieces;
   state.counters["s_field"] = seconds.field;
   state.counters["s_map"] = seconds.map;
   state.counters["s_integers"] = seconds.integers;

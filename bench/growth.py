@@ -16,8 +16,8 @@ import sys
 import tempfile
 import time
 
-STAGES = ["read", "metric", "field", "map", "integers", "extraction", "polish", "transfer"]
-COLOURS = ["#9aa0a6", "#8e63ce", "#2f7ed8", "#d8572a", "#c9a227", "#3a9d5d", "#12858c", "#b05279"]
+STAGES = ["read", "metric", "pieces", "field", "map", "integers", "extraction", "polish", "transfer"]
+COLOURS = ["#9aa0a6", "#8e63ce", "#5c6670", "#2f7ed8", "#d8572a", "#c9a227", "#3a9d5d", "#12858c", "#b05279"]
 
 
 def run(call):

@@ -71,8 +71,9 @@ struct ComponentReport {
   std::vector<std::string> reasons;  ///< why earlier rungs and attempts were left
 };
 
+/// Wall-clock, of components that run side by side the sum; `pieces`: cutting out, refinement and stand-ins.
 struct StageSeconds {
-  double metric = 0, field = 0, map = 0, integers = 0, extraction = 0, polish = 0, transfer = 0, total = 0;
+  double metric = 0, pieces = 0, field = 0, map = 0, integers = 0, extraction = 0, polish = 0, transfer = 0, total = 0;
 };
 
 /// What solved the systems of each stage, in words; empty where a stage had none.

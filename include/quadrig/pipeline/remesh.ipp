@@ -244,8 +244,8 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
     first_vertex += n;
     first_quad += m;
     report.irregular += part.report.irregular;
-    for (auto member : {&StageSeconds::field, &StageSeconds::map, &StageSeconds::integers, &StageSeconds::extraction,
-                        &StageSeconds::polish})
+    for (auto member : {&StageSeconds::pieces, &StageSeconds::field, &StageSeconds::map, &StageSeconds::integers,
+                        &StageSeconds::extraction, &StageSeconds::polish})
       report.seconds.*member += part.seconds.*member;
     for (Warning& warning : part.warnings) report.warnings.push_back(std::move(warning));
     if (part.report.faces > largest) {
