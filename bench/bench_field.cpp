@@ -1,11 +1,14 @@
 // The whole field call, preset by preset, and an artist's brush: new weights on a field that stands. `--full`: larger
-// surfaces, and other backends beside the default.
+// surfaces, and other backends beside the default. `--threads N`: of each call (default 1); then look at the time by
+// the clock.
 #include "bench.hpp"
 #include "quadrig/field.hpp"
 
 namespace {
 
 using namespace quadrig;
+
+unsigned threads = 1;
 
 void design(benchmark::State& state, FieldPreset preset, const std::string& backend, const std::string& mesh,
             Index faces) {
@@ -14,7 +17,7 @@ void design(benchmark::State& state, FieldPreset preset, const std::string& back
   options.preset = preset;
   options.solver = backend;
   Context context;
-  context.threads = 1;
+  context.threads = threads;
   FieldSolverReport report;
   for (auto _ : state) {
     const Connection<double> connection(asset.mesh);
@@ -42,7 +45,7 @@ void brush(benchmark::State& state, bool fixed, const std::string& backend, cons
   for (double& each : smoothness) each *= 1e-4;
   for (std::size_t f = 0; f < m; ++f) weight[f] = mesh.area(static_cast<Index>(f)) / area;
   Context context;
-  context.threads = 1;
+  context.threads = threads;
   auto solver = FieldSolver::create(mesh, connection, solver_factory<Complex>(backend));
   if (!solver) return state.SkipWithError(solver.error().message().c_str());
   std::vector<FieldSystem::Fixed> held;
@@ -73,6 +76,7 @@ void brush(benchmark::State& state, bool fixed, const std::string& backend, cons
 
 int main(int argc, char** argv) {
   const bool full = bench::take_flag(argc, argv, "--full");
+  threads = static_cast<unsigned>(std::max(1, std::atoi(bench::take_value(argc, argv, "--threads", "1").c_str())));
   std::vector<Index> sizes{5'000, 20'000, 100'000};
   std::vector<std::string> backends{std::string(default_solver_name)};
   if (full) {

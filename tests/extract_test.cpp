@@ -222,7 +222,7 @@ TEST_CASE("coarse quads: where a handle is fewer than three quads around, rows a
     std::int64_t work = 16'000'000;
     std::vector<std::string> reasons;
     const auto found = CoarseQuadsSearch(c.coarse, c.field.index(), border, surface, seconds)
-                           .find(wanted, 0.05, work, reasons, context);
+                           .find(wanted, 0.05, 1000, work, reasons, context);
     REQUIRE(found);
     const auto n = static_cast<Index>(found->quads.vertices.size());
     CHECK(unlike(quad_topology(found->quads.quads, n), surface).empty());
@@ -237,4 +237,12 @@ TEST_CASE("coarse quads: where a handle is fewer than three quads around, rows a
     widened += found->integers.quads < 1.5 * wanted;
   }
   CHECK(widened >= 2);
+  StageSeconds seconds;
+  Context context;
+  std::int64_t work = 16'000'000;
+  std::vector<std::string> reasons;
+  const auto too_many = CoarseQuadsSearch(c.coarse, c.field.index(), border, surface, seconds)
+                            .find(300, 0.05, 100, work, reasons, context);
+  REQUIRE(!too_many);
+  CHECK(too_many.error().what.find("the map needs ") == 0);
 }

@@ -63,8 +63,9 @@ class CoarseQuadsSearch {
                     const SurfaceTopology& surface, StageSeconds& seconds)
       : map_(map), index_(index), on_border_(on_border), surface_(surface), seconds_(seconds) {}
 
+  /// \param most quads, of which more are an error
   /// \param reasons receives why the first count, or a greater one, did not do
-  [[nodiscard]] Expected<CoarseQuads> find(double target, double tolerance, std::int64_t& work,
+  [[nodiscard]] Expected<CoarseQuads> find(double target, double tolerance, double most, std::int64_t& work,
                                            std::vector<std::string>& reasons, Context& context) {
     QuantizeOptions options;
     options.target_quads = target;
@@ -73,6 +74,8 @@ class CoarseQuadsSearch {
       Expected<Quantization> integers = quantize(map_, index_, on_border_, options, context, &work);
       if (!integers) return integers.error();
       if (context.cancelled()) return cancelled_error("coarse map");
+      if (integers->quads > most)
+        return map_error("the map needs " + std::to_string(static_cast<Index>(integers->quads)) + " quads");
       Expected<Tried> tried = extract(std::move(*integers));
       if (!tried) return tried.error();
       if (!tried->defect.empty()) {
@@ -106,13 +109,13 @@ class CoarseQuadsSearch {
 
   /// Adds rows next to defects as long as that leaves fewer, and not more quads than the next attempt asks for.
   [[nodiscard]] Status widen(double target, Tried& tried, std::int64_t& work, Context& context) {
-    auto left = static_cast<Index>(std::max(16.0, 1e6 / tried.found.integers.quads));  // extractions
     while (!tried.defect.empty() && !tried.at_defects.empty()) {
       bool fewer = false;
       for (Quantization& wider : rows_at(tried.found, tried.at_defects, target, work, context)) {
         if (wider.quads > 1.5 * target) continue;
         if (context.cancelled()) return cancelled_error("coarse map");
-        if (left-- <= 0) return {};
+        if (trials_ <= 0) return {};
+        trials_ -= static_cast<std::int64_t>(wider.quads);
         Expected<Tried> next = extract(std::move(wider));
         if (!next) return next.error();
         fewer =
@@ -157,6 +160,7 @@ class CoarseQuadsSearch {
   const std::vector<char>& on_border_;
   const SurfaceTopology& surface_;
   StageSeconds& seconds_;
+  std::int64_t trials_ = 1'000'000;  // quads that may still be extracted to try rows
 };
 
 }  // namespace quadrig::detail

@@ -175,14 +175,12 @@ class MapStage {
     const double extraction_before = seconds_.extraction;
     auto work = static_cast<std::int64_t>(share * static_cast<double>(in_.left.integers));
     in_.left.integers -= work;
-    Expected<CoarseQuads> found = search.find(quads, tolerance, work, reasons, context);
+    const auto singular = std::count_if(in_.index.begin(), in_.index.end(), [](Index i) { return i != 0; });
+    const double most = 2 * std::max(in_.quads, 20.0 * static_cast<double>(singular + 1));
+    Expected<CoarseQuads> found = search.find(quads, tolerance, most, work, reasons, context);
     in_.left.integers += work;
     lap(seconds_.integers);
     seconds_.integers -= seconds_.extraction - extraction_before;
-    if (!found) return found;
-    const auto singular = std::count_if(in_.index.begin(), in_.index.end(), [](Index i) { return i != 0; });
-    if (found->integers.quads > 2 * std::max(in_.quads, 20.0 * static_cast<double>(singular + 1)))
-      return map_error("the map needs " + std::to_string(static_cast<Index>(found->integers.quads)) + " quads");
     return found;
   }
 
