@@ -71,7 +71,7 @@ class MapStage {
     if (context.cancelled()) return cancelled_error("coarse map");
 
     CoarseQuadsSearch search(coarse, in_.index, on_border_, topology_, seconds_);
-    Expected<CoarseQuads> found = integers(search, in_.quads, options_.count_tolerance, 0.5, reasons_, context);
+    Expected<CoarseQuads> found = integers(search, in_.quads, options_.count_tolerance, 0.75, reasons_, context);
     if (!found) return found.error();
     Expected<MapOutput> made = quads_of(coarse, *found, context);
     if (!made) return made.error();
