@@ -138,7 +138,7 @@ class ComponentRemesher {
     std::vector<Attempt> attempts{{0.5, 1.5}, {1, 1.0}, {1, 0}, {2, 0.7}, {4, 0}};
     bool noise = false;  // edges that no quad will ever see
     for (Index h = 0; h < mesh.halfedge_count() && !noise; ++h) noise = mesh.edge_vector(h).norm() < 1e-5 * edge_;
-    if (noise || mesh.face_count() > std::max(20'000.0, 40 * quads_))
+    if (noise || mesh.face_count() > std::max(20'000.0, std::min(40 * quads_, 2.5 * stand_in_faces_)))
       attempts.insert(attempts.begin(), Attempt{0.5, 0});
     if (!original_.kept.empty()) {  // the first three with them, then all without
       std::vector<Attempt> keeping(attempts.begin(), attempts.begin() + 3);
