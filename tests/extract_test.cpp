@@ -205,6 +205,19 @@ TEST_CASE("topology: defects of quad meshes are named", "[extract]") {
   CHECK(quad_topology(fins, 8).at_defects == std::vector<Index>{0, 1, 1});  // 1 joins two borders
 }
 
+TEST_CASE("quads: corners by vertex", "[extract]") {
+  QuadMesh mesh;
+  mesh.positions.setZero(7, 3);
+  mesh.quads.resize(2, 4);
+  mesh.quads << 0, 1, 2, 3, 1, 0, 4, 5;
+  const QuadCorners corners(mesh);
+  const auto at = [&](Index v) { return std::vector<Index>(corners.at(v).begin(), corners.at(v).end()); };
+  CHECK(at(0) == std::vector<Index>{0, 5});
+  CHECK(at(1) == std::vector<Index>{1, 4});
+  CHECK(at(5) == std::vector<Index>{7});
+  CHECK(at(6).empty());
+}
+
 TEST_CASE("coarse quads: where a handle is fewer than three quads around, rows are added", "[extract]") {
   std::optional<Soup> handles;
   for (const SyntheticCase& each : synthetic_cases())

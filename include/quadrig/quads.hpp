@@ -1,6 +1,9 @@
 // Quads: the mesh that comes out, its map back to the source surface, and its extraction from an integer-grid map.
 #pragma once
 
+#include <span>
+#include <vector>
+
 #include "quadrig/mesh.hpp"
 
 namespace quadrig {
@@ -13,6 +16,29 @@ struct QuadMesh {
 
   [[nodiscard]] Index vertex_count() const { return static_cast<Index>(positions.rows()); }
   [[nodiscard]] Index quad_count() const { return static_cast<Index>(quads.rows()); }
+};
+
+/// The corners of the quads by vertex. \cost O(n + m)
+class QuadCorners {
+ public:
+  explicit QuadCorners(const QuadMesh& mesh) : starts_(static_cast<std::size_t>(mesh.vertex_count()) + 1, 0) {
+    const auto vertex = [&](Index corner) { return static_cast<std::size_t>(mesh.quads(corner / 4, corner % 4)); };
+    for (Index c = 0; c < 4 * mesh.quad_count(); ++c) ++starts_[vertex(c) + 1];
+    for (std::size_t v = 1; v < starts_.size(); ++v) starts_[v] += starts_[v - 1];
+    corners_.resize(starts_.back());
+    std::vector<std::size_t> next(starts_.begin(), starts_.end() - 1);
+    for (Index c = 0; c < 4 * mesh.quad_count(); ++c) corners_[next[vertex(c)]++] = c;
+  }
+
+  /// Corners 4 q + i that lie at v, ascending.
+  [[nodiscard]] std::span<const Index> at(Index v) const {
+    const auto i = static_cast<std::size_t>(v);
+    return std::span(corners_).subspan(starts_[i], starts_[i + 1] - starts_[i]);
+  }
+
+ private:
+  std::vector<std::size_t> starts_;
+  std::vector<Index> corners_;
 };
 
 /// Least over the four corners of (e_next × e_prev)·n / (|e_next||e_prev|), n the unit normal at the bilinear centre;

@@ -36,15 +36,8 @@ class Snapper {
         least_(least),
         held_(held),
         quads_(quads),
+        corners_(quads),
         reached_in_(at(mesh.face_count()), 0) {
-    starts_.assign(at(quads.vertex_count()) + 1, 0);
-    for (Index q = 0; q < quads.quad_count(); ++q)
-      for (int i = 0; i < 4; ++i) ++starts_[at(quads.quads(q, i)) + 1];
-    for (std::size_t v = 1; v < starts_.size(); ++v) starts_[v] += starts_[v - 1];
-    around_.resize(starts_.back());
-    std::vector<std::size_t> next(starts_.begin(), starts_.end() - 1);
-    for (Index q = 0; q < quads.quad_count(); ++q)
-      for (int i = 0; i < 4; ++i) around_[next[at(quads.quads(q, i))]++] = q;
     std::vector<Index> meeting(at(mesh.vertex_count()), 0);
     for (Index h = 0; h < mesh.halfedge_count(); ++h)
       if (regions.is_seam(h)) ++meeting[at(mesh.origin(h))];
@@ -138,15 +131,15 @@ class Snapper {
     for (int rings = 0; rings < rings_that_give_way; ++rings) {
       const std::size_t last = ring.size();
       for (; first < last; ++first)
-        for (std::size_t k = starts_[at(ring[first])]; k < starts_[at(ring[first]) + 1]; ++k)
+        for (const Index k : corners_.at(ring[first]))
           for (int i = 0; i < 4; ++i)
-            if (const Index w = quads_.quads(around_[k], i); !near_[at(w)] && !border_[at(w)]) {
+            if (const Index w = quads_.quads(k / 4, i); !near_[at(w)] && !border_[at(w)]) {
               near_[at(w)] = 1;
               ring.push_back(w);
             }
     }
     for (const Index v : ring)
-      for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k) beside_[at(around_[k])] = 1;
+      for (const Index k : corners_.at(v)) beside_[at(k / 4)] = 1;
   }
 
   void evaluate(Index q) {
@@ -158,8 +151,8 @@ class Snapper {
   [[nodiscard]] double shape_cost(Index v, double& worst) const {
     double sum = 0;
     worst = 1;
-    for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k) {
-      const double j = scaled_jacobian(quads_.positions, quads_.quads.row(around_[k]));
+    for (const Index k : corners_.at(v)) {
+      const double j = scaled_jacobian(quads_.positions, quads_.quads.row(k / 4));
       worst = std::min(worst, j);
       sum += shape_weight * (1 - j);
     }
@@ -168,8 +161,8 @@ class Snapper {
   /// What those of them cost that lie beside another region, by their distance from their own.
   [[nodiscard]] double fit_cost(Index v) const {
     double sum = 0;
-    for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k)
-      if (beside_[at(around_[k])]) sum += misfit_[at(around_[k])] / area_[at(around_[k])];
+    for (const Index k : corners_.at(v))
+      if (beside_[at(k / 4)]) sum += misfit_[at(k / 4)] / area_[at(k / 4)];
     return sum;
   }
   /// Moves the vertex where that costs less and no quad becomes worse than `least_` or than it was.
@@ -184,17 +177,17 @@ class Snapper {
     const double shape = shape_cost(v, is);
     if (is >= std::min(was, least_) && shape < before) {
       kept_.clear();
-      for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k) {
-        const Index q = around_[k];
+      for (const Index k : corners_.at(v)) {
+        const Index q = k / 4;
         if (beside_[at(q)]) {
           kept_.emplace_back(q, std::pair(std::move(values_[at(q)]), misfit_[at(q)]));
           evaluate(q);
         }
       }
       if (shape + fit_cost(v) < before) {
-        for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k) {
-          stale_[at(around_[k])] = beside_[at(around_[k])] ? 0 : 1;
-          for (int i = 0; i < 4; ++i) unrest_[at(quads_.quads(around_[k], i))] = 1;
+        for (const Index k : corners_.at(v)) {
+          stale_[at(k / 4)] = beside_[at(k / 4)] ? 0 : 1;
+          for (int i = 0; i < 4; ++i) unrest_[at(quads_.quads(k / 4, i))] = 1;
         }
         return true;
       }
@@ -210,9 +203,9 @@ class Snapper {
 
   [[nodiscard]] double reach(Index v) const {
     double sum = 0, count = 0;
-    for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k)
+    for (const Index k : corners_.at(v))
       for (int i = 0; i < 4; ++i) {
-        const Index a = quads_.quads(around_[k], i), b = quads_.quads(around_[k], (i + 1) % 4);
+        const Index a = quads_.quads(k / 4, i), b = quads_.quads(k / 4, (i + 1) % 4);
         if (a != v && b != v) continue;
         sum += (point(a) - point(b)).norm();
         ++count;
@@ -268,9 +261,9 @@ class Snapper {
   bool give_way(Index v) {
     Vector3 mean = Vector3::Zero();
     double count = 0;
-    for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k)
+    for (const Index k : corners_.at(v))
       for (int i = 0; i < 4; ++i) {
-        const Index a = quads_.quads(around_[k], i), b = quads_.quads(around_[k], (i + 1) % 4);
+        const Index a = quads_.quads(k / 4, i), b = quads_.quads(k / 4, (i + 1) % 4);
         if (a != v && b != v) continue;
         mean += point(a == v ? b : a);
         ++count;
@@ -293,8 +286,7 @@ class Snapper {
   double least_;
   const std::vector<char>& held_;
   QuadMesh& quads_;
-  std::vector<std::size_t> starts_;
-  std::vector<Index> around_;  // quads of each vertex
+  const QuadCorners corners_;
   std::vector<std::array<Index, 2>> edges_;
   std::vector<Index> sides_;                 // a vertex: edges between regions
   std::vector<Regions::QuadValues> values_;  // of each quad

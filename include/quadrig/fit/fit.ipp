@@ -43,21 +43,14 @@ class Fitter {
         targets_(targets),
         options_(options),
         quads_(quads),
+        corners_(quads),
         before_(quads.positions),
         fixed_(std::move(held)) {
     const auto n = at(quads.vertex_count()), m = at(quads.quad_count());
-    starts_.assign(n + 1, 0);
-    for (Index q = 0; q < quads.quad_count(); ++q)
-      for (int i = 0; i < 4; ++i) ++starts_[at(quads.quads(q, i)) + 1];
-    for (std::size_t v = 0; v < n; ++v) starts_[v + 1] += starts_[v];
-    incident_.resize(starts_[n]);
-    std::vector<std::size_t> next(starts_.begin(), starts_.end() - 1);
-    for (Index q = 0; q < quads.quad_count(); ++q)
-      for (int i = 0; i < 4; ++i) incident_[next[at(quads.quads(q, i))]++] = 4 * q + i;
     step_.assign(n, std::numeric_limits<double>::infinity());
     fixed_.resize(n, 0);
     for (std::size_t v = 0; v < n; ++v)
-      if (starts_[v] == starts_[v + 1]) fixed_[v] = 1;  // of no quad
+      if (corners_.at(static_cast<Index>(v)).empty()) fixed_[v] = 1;  // of no quad
     find_edges();
     color();
 
@@ -149,7 +142,7 @@ class Fitter {
 
   /// Numbers the edges; vertices of those that have one side stay.
   void find_edges() {
-    std::vector<Index> sides(incident_.size());
+    std::vector<Index> sides(4 * at(quads_.quad_count()));
     for (std::size_t k = 0; k < sides.size(); ++k) sides[k] = static_cast<Index>(k);
     const auto end = [&](Index s, int i) { return quads_.quads(s / 4, (s % 4 + i) % 4); };
     const auto key = [&](Index s) { return std::pair(std::minmax({end(s, 0), end(s, 1)}), s); };
@@ -169,8 +162,8 @@ class Fitter {
     for (Index v = 0; v < quads_.vertex_count(); ++v) {
       if (fixed_[at(v)]) continue;
       std::vector<std::size_t> taken;
-      for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k)
-        for (int i = 0; i < 4; ++i) taken.push_back(of[at(quads_.quads(incident_[k] / 4, i))]);
+      for (const Index k : corners_.at(v))
+        for (int i = 0; i < 4; ++i) taken.push_back(of[at(quads_.quads(k / 4, i))]);
       std::size_t color = 1;
       while (std::find(taken.begin(), taken.end(), color) != taken.end()) ++color;
       of[at(v)] = color;
@@ -196,9 +189,9 @@ class Fitter {
   /// A vertex that hardly moved, among others that hardly did.
   [[nodiscard]] bool rests(Index v) const {
     constexpr double still = 0.05;
-    for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k)
+    for (const Index k : corners_.at(v))
       for (int i = 0; i < 4; ++i)
-        if (const auto w = at(quads_.quads(incident_[k] / 4, i)); !fixed_[w] && step_[w] > still) return false;
+        if (const auto w = at(quads_.quads(k / 4, i)); !fixed_[w] && step_[w] > still) return false;
     return true;
   }
 
@@ -282,9 +275,9 @@ class Fitter {
   /// The error and shape around v once it is shifted, on the planes that the samples are off from now.
   [[nodiscard]] double forecast(Index v, const Vector3& shift) const {
     double sum = 0;
-    for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k) {
-      const Index q = incident_[k] / 4;
-      const int i = incident_[k] % 4;
+    for (const Index k : corners_.at(v)) {
+      const Index q = k / 4;
+      const int i = k % 4;
       const Sample& c = centre_[at(q)];
       std::array<double, 4> middles;
       for (int side = 0; side < 4; ++side) {
@@ -298,16 +291,16 @@ class Fitter {
   }
   [[nodiscard]] double measured(Index v) const {
     double sum = 0;
-    for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k) {
-      const Index q = incident_[k] / 4;
+    for (const Index k : corners_.at(v)) {
+      const Index q = k / 4;
       sum += error_of(q) + unit_[at(q)] * area_of(q) * shape(q);
     }
     return sum;
   }
   [[nodiscard]] double least_jacobian(Index v) const {
     double least = 1;
-    for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k)
-      least = std::min(least, scaled_jacobian(quads_.positions, quads_.quads.row(incident_[k] / 4)));
+    for (const Index k : corners_.at(v))
+      least = std::min(least, scaled_jacobian(quads_.positions, quads_.quads.row(k / 4)));
     return least;
   }
 
@@ -323,9 +316,9 @@ class Fitter {
   }
   template <class Visit>
   void for_each_sample(Index v, Visit&& visit) {
-    for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k) {
-      const Index q = incident_[k] / 4;
-      const int i = incident_[k] % 4;
+    for (const Index k : corners_.at(v)) {
+      const Index q = k / 4;
+      const int i = k % 4;
       visit(centre_[at(q)], centre(q));
       visit(middle_[at(edge_[at(4 * q + i)])], middle(q, i));  // each edge at v begins there in one quad
     }
@@ -336,9 +329,8 @@ class Fitter {
     const Vector3 here = point(v);
     const SurfacePoint source = quads_.source[at(v)];
     double edge = 0;
-    for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k)
-      edge += (corner(incident_[k] / 4, incident_[k] % 4 + 1) - here).norm();
-    edge /= static_cast<double>(starts_[at(v) + 1] - starts_[at(v)]);
+    for (const Index k : corners_.at(v)) edge += (corner(k / 4, k % 4 + 1) - here).norm();
+    edge /= static_cast<double>(corners_.at(v).size());
     if (!(edge > 0)) return 0;
 
     const Vector3 normal = mesh_.normal(source.face), x = normal.unitOrthogonal(), y = normal.cross(x);
@@ -383,10 +375,9 @@ class Fitter {
   const FitTargets& targets_;
   const FitOptions& options_;
   QuadMesh& quads_;
+  const QuadCorners corners_;
   const Points<double> before_;
   std::vector<char> fixed_;
-  std::vector<std::size_t> starts_;
-  std::vector<Index> incident_;          // sides 4 q + i that begin at each vertex
   std::vector<Index> edge_;              // of each side
   std::vector<Sample> centre_, middle_;  // of each quad, of each edge
   std::vector<double> unit_;             // of each quad: the mean square error of its component at the beginning

@@ -61,12 +61,9 @@ inline std::vector<Vector3> ruling_directions(const Dominance& dominance, const 
   return directions;
 }
 
-}  // namespace detail
-
-QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOptions& options, Context& context) {
-  using detail::at;
-  const Stopwatch total;
-  if (Status status = options.validate(); !status.ok()) return status.error();
+/// What no field of RemeshOptions alone can tell to be wrong.
+inline Status check_request(const Asset& asset, const RemeshOptions& options) {
+  if (Status status = options.validate(); !status.ok()) return status;
   // A solver that cannot be had is an error, no reason for another rung.
   if (const auto solver = options.solver.factory<Complex>()(); !solver) return solver.error();
   if (const auto solver = options.solver.factory<double>()(); !solver) return solver.error();
@@ -87,226 +84,287 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
     return Error{ErrorCode::bad_option, "vertex groups are the columns of skin weights", "group_borders", "give a rig"};
   if (options.preset == FieldPreset::thesis && !asset.rig)
     return Error{ErrorCode::bad_option, "the thesis preset needs a rig", "preset", "give a rig, or use static"};
+  return {};
+}
 
-  RemeshResult result;
-  const SizingOptions sizing = options.sizing.value_or(detail::preset_sizing(options.preset, asset.rig.has_value()));
-  if (context.cancelled()) return cancelled_error("remesh");
-  const Connection<double> connection(mesh);
-  if (context.cancelled()) return cancelled_error("remesh");
-  context.progress("metric", 0);
+/// The whole asset: sizes, each component by itself, and what becomes of all of them together.
+class Remesher {
+ public:
+  Remesher(const Asset& asset, const RemeshOptions& options, Context& context)
+      : asset_(asset),
+        mesh_(asset.mesh),
+        options_(options),
+        sizing_(options.sizing.value_or(preset_sizing(options.preset, asset.rig.has_value()))),
+        context_(context) {}
 
-  // Sizes and posed directions, once for the whole asset.
-  Stopwatch watch;
-  SizeField sizes;
-  std::optional<PosedMetric> metric;
-  FitTargets fit_targets;
-  std::vector<double> omega1;
-  if (asset.rig) {
-    Expected<Dominance> dominance = Dominance::create(mesh, *asset.rig, &context);
-    if (!dominance) return dominance.error();
-    for (Index f = 0; f < mesh.face_count(); ++f) {
-      if (f % 4096 == 0 && context.cancelled()) return cancelled_error("remesh");
-      omega1.push_back(dominance->omega(f, 1));
-    }
-    if (options.preset != FieldPreset::flat) {
-      fit_targets.weight = detail::joint_weights(omega1, sizing.joint_weight);
-      if (options.directions.bones.value_or(1) > 0)
-        fit_targets.direction = detail::ruling_directions(*dominance, asset.rig->skeleton);
-    }
+  [[nodiscard]] Expected<RemeshResult> run() {
+    const Stopwatch total;
+    if (context_.cancelled()) return cancelled_error("remesh");
+    const Connection<double> connection(mesh_);
+    if (context_.cancelled()) return cancelled_error("remesh");
+    context_.progress("metric", 0);
+    if (Status status = measure(connection); !status.ok()) return status.error();
+    context_.progress("remesh", 0.1);
+    if (Status status = remesh_parts(connection); !status.ok()) return status.error();
+    if (Status status = gather(); !status.ok()) return status.error();
+    if (Status status = finish(); !status.ok()) return status.error();
+    RemeshReport& report = result_.report;
+    tell();
+    const QuadTopology topology = quad_topology(result_.mesh.quads, report.vertices);
+    report.valid = topology.defect.empty() && report.scaled_jacobian_minimum > 0;
+    for (const Warning& warning : report.warnings) context_.warnings.push_back(warning);
+    report.seconds.total = total.seconds();
+    if (!report.valid)
+      return Error{ErrorCode::stage_failed, topology.defect.empty() ? "a quad stays inverted" : topology.defect,
+                   "check of the result", "ask for another count or the static preset"};
+    context_.progress("done", 1);
+    return std::move(result_);
   }
-  if (context.cancelled()) return cancelled_error("remesh");
-  const bool posed = sizing.density == DensitySource::posed || options.directions.posed > 0;
-  const bool curved = posed || sizing.density == DensitySource::rest;
-  if (curved) {
-    if (posed && asset.rig) {
+
+ private:
+  using Part = std::optional<Expected<ComponentResult>>;
+
+  [[nodiscard]] bool sized() const { return sizing_.density != DensitySource::field; }
+
+  /// Sizes and posed directions, once for the whole asset.
+  [[nodiscard]] Status measure(const Connection<double>& connection) {
+    const Stopwatch watch;
+    std::vector<double> omega1;
+    if (asset_.rig) {
+      Expected<Dominance> dominance = Dominance::create(mesh_, *asset_.rig, &context_);
+      if (!dominance) return dominance.error();
+      for (Index f = 0; f < mesh_.face_count(); ++f) {
+        if (f % 4096 == 0 && context_.cancelled()) return cancelled_error("remesh");
+        omega1.push_back(dominance->omega(f, 1));
+      }
+      if (options_.preset != FieldPreset::flat) {
+        fit_targets_.weight = joint_weights(omega1, sizing_.joint_weight);
+        if (options_.directions.bones.value_or(1) > 0)
+          fit_targets_.direction = ruling_directions(*dominance, asset_.rig->skeleton);
+      }
+    }
+    if (context_.cancelled()) return cancelled_error("remesh");
+    if (Status status = measure_curvature(connection, omega1); !status.ok()) return status;
+    sizes_.largest_aspect = sizing_.largest_aspect;
+    switch (sizing_.density) {
+      case DensitySource::uniform:
+        sizes_.density.assign(at(mesh_.face_count()), 1.0);
+        break;
+      case DensitySource::blend:
+        sizes_.density.resize(at(mesh_.face_count()));
+        for (std::size_t f = 0; f < sizes_.density.size(); ++f)
+          sizes_.density[f] = omega1.empty() ? 1.0 : 1 + 3 * (1 - omega1[f]);
+        break;
+      case DensitySource::rest:
+      case DensitySource::posed:
+        sizes_.density = metric_->density;
+        break;
+      case DensitySource::field:
+        break;
+    }
+    if (context_.cancelled()) return cancelled_error("remesh");
+    if (sized() && sizing_.density != DensitySource::uniform)
+      sizes_.density = graded_density(mesh_, sizes_.density, options_.quads, sizing_.gradation, context_);
+    if (context_.cancelled()) return cancelled_error("remesh");
+    result_.report.seconds.metric = watch.seconds();
+    return {};
+  }
+
+  /// Where sizes or directions come from it.
+  [[nodiscard]] Status measure_curvature(const Connection<double>& connection, const std::vector<double>& omega1) {
+    const bool posed = sizing_.density == DensitySource::posed || options_.directions.posed > 0;
+    if (!posed && sizing_.density != DensitySource::rest) return {};
+    if (posed && asset_.rig) {
       std::vector<Pose> bends;
-      if (options.poses.empty()) bends = bend_poses(asset.rig->skeleton, options.bend_degrees);
-      const std::vector<Pose>& poses = options.poses.empty() ? bends : options.poses;
+      if (options_.poses.empty()) bends = bend_poses(asset_.rig->skeleton, options_.bend_degrees);
+      const std::vector<Pose>& poses = options_.poses.empty() ? bends : options_.poses;
       PosedForms::Options form_options;
-      form_options.pose_weights = options.poses.empty() ? std::vector<double>{} : options.pose_weights;
+      form_options.pose_weights = options_.poses.empty() ? std::vector<double>{} : options_.pose_weights;
       Expected<PosedForms> forms =
-          PosedForms::create(mesh, connection, asset.rig->weights, poses, form_options, context);
+          PosedForms::create(mesh_, connection, asset_.rig->weights, poses, form_options, context_);
       if (!forms) return forms.error();
-      sizes.forms = std::move(*forms);
-      if (options.fit.rounds > 0) fit_targets.set_bending(connection, sizes.forms, context);
+      sizes_.forms = std::move(*forms);
+      if (options_.fit.rounds > 0) fit_targets_.set_bending(connection, sizes_.forms, context_);
     } else {
-      sizes.forms = PosedForms::at_rest(mesh, connection);
+      sizes_.forms = PosedForms::at_rest(mesh_, connection);
     }
-    PosedMetricOptions metric_options;
-    metric_options.largest_aspect = sizing.largest_aspect;
-    metric_options.joint_weight = sizing.joint_weight;
-    metric_options.least_density = sizing.least_density;
-    metric_options.largest_density = sizing.largest_density;
-    Expected<PosedMetric> made = posed_metric(mesh, sizes.forms, omega1, metric_options, context);
+    PosedMetricOptions metric;
+    metric.largest_aspect = sizing_.largest_aspect;
+    metric.joint_weight = sizing_.joint_weight;
+    metric.least_density = sizing_.least_density;
+    metric.largest_density = sizing_.largest_density;
+    Expected<PosedMetric> made = posed_metric(mesh_, sizes_.forms, omega1, metric, context_);
     if (!made) return made.error();
-    metric = std::move(*made);
+    metric_ = std::move(*made);
+    return {};
   }
-  sizes.largest_aspect = sizing.largest_aspect;
-  switch (sizing.density) {
-    case DensitySource::uniform:
-      sizes.density.assign(at(mesh.face_count()), 1.0);
-      break;
-    case DensitySource::blend:
-      sizes.density.resize(at(mesh.face_count()));
-      for (std::size_t f = 0; f < sizes.density.size(); ++f)
-        sizes.density[f] = omega1.empty() ? 1.0 : 1 + 3 * (1 - omega1[f]);
-      break;
-    case DensitySource::rest:
-    case DensitySource::posed:
-      sizes.density = metric->density;
-      break;
-    case DensitySource::field:
-      break;
-  }
-  if (context.cancelled()) return cancelled_error("remesh");
-  const bool sized = sizing.density != DensitySource::field;
-  if (sized && sizing.density != DensitySource::uniform)
-    sizes.density = graded_density(mesh, sizes.density, options.quads, sizing.gradation, context);
-  if (context.cancelled()) return cancelled_error("remesh");
-  result.report.seconds.metric = watch.seconds();
 
-  // Components, each with its share.
-  const Components components = face_components(mesh);
-  std::vector<std::vector<Index>> faces(at(components.count));
-  std::vector<double> share(at(components.count), 0.0);
-  for (Index f = 0; f < mesh.face_count(); ++f) {
-    if (f % 4096 == 0 && context.cancelled()) return cancelled_error("remesh");
-    const auto c = at(components.of_face[at(f)]);
-    faces[c].push_back(f);
-    share[c] += mesh.area(f) * (sized ? sizes.density[at(f)] : 1.0);
-  }
-  const std::vector<double> due = detail::quads_due(share, options.quads);
-  if (context.cancelled()) return cancelled_error("remesh");
-  const EdgeMarks kept = detail::kept_edges(mesh, options);
-  const detail::RemeshShared shared{
-      asset, connection, options, sizing, sized ? &sizes : nullptr, metric ? &*metric : nullptr, kept};
-  std::vector<std::optional<Expected<detail::ComponentResult>>> parts(faces.size());
-  context.progress("remesh", 0.1);
-  const auto remesh_part = [&](std::size_t c, double asked) {
-    return detail::remesh_component(shared, faces[c], asked, context.quiet(faces.size() > 1 ? 1 : context.threads));
-  };
-  context.parallel_for(faces.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t c = begin; c < end; ++c) parts[c] = remesh_part(c, due[c]);
-  });
-  if (context.cancelled()) return cancelled_error("remesh");
-  if (faces.size() > 1 && std::ranges::all_of(parts, [](const auto& part) { return part->has_value(); })) {
+  /// Each component with its share of the count.
+  [[nodiscard]] Status remesh_parts(const Connection<double>& connection) {
+    const Components components = face_components(mesh_);
+    faces_.resize(at(components.count));
+    std::vector<double> share(faces_.size(), 0.0);
+    for (Index f = 0; f < mesh_.face_count(); ++f) {
+      if (f % 4096 == 0 && context_.cancelled()) return cancelled_error("remesh");
+      const auto c = at(components.of_face[at(f)]);
+      faces_[c].push_back(f);
+      share[c] += mesh_.area(f) * (sized() ? sizes_.density[at(f)] : 1.0);
+    }
+    const std::vector<double> due = quads_due(share, options_.quads);
+    if (context_.cancelled()) return cancelled_error("remesh");
+    const EdgeMarks kept = kept_edges(mesh_, options_);
+    const RemeshShared shared{
+        asset_, connection, options_, sizing_, sized() ? &sizes_ : nullptr, metric_ ? &*metric_ : nullptr, kept};
+    const auto remesh_part = [&](std::size_t c, double asked) {
+      return remesh_component(shared, faces_[c], asked, context_.quiet(faces_.size() > 1 ? 1 : context_.threads));
+    };
+    parts_.resize(faces_.size());
+    context_.parallel_for(parts_.size(), 1, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t c = begin; c < end; ++c) parts_[c] = remesh_part(c, due[c]);
+    });
+    if (context_.cancelled()) return cancelled_error("remesh");
+    for (std::size_t c = 0; c < parts_.size(); ++c)
+      if (!*parts_[c]) {
+        Error error = parts_[c]->error();
+        error.where =
+            "component " + std::to_string(c) + " (face " + std::to_string(faces_[c].front()) + "), " + error.where;
+        return error;
+      }
+
     std::vector<Index> got;
-    for (const auto& part : parts) got.push_back((*part)->mesh.quad_count());
-    double missed = static_cast<double>(std::accumulate(got.begin(), got.end(), Index{0})) - options.quads;
-    const auto again = detail::asked_again(due, got, missed, 0.8 * options.count_tolerance * options.quads);
-    std::vector<std::optional<Expected<detail::ComponentResult>>> others(again.size());
-    context.parallel_for(again.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (const Part& part : parts_) got.push_back((*part)->mesh.quad_count());
+    double missed = static_cast<double>(std::accumulate(got.begin(), got.end(), Index{0})) - options_.quads;
+    if (parts_.size() == 1) return {};
+    const auto again = asked_again(due, got, missed, 0.8 * options_.count_tolerance * options_.quads);
+    std::vector<Part> others(again.size());
+    context_.parallel_for(again.size(), 1, [&](std::size_t begin, std::size_t end) {
       for (std::size_t k = begin; k < end; ++k) others[k] = remesh_part(again[k].first, again[k].second);
     });
-    if (context.cancelled()) return cancelled_error("remesh");
+    if (context_.cancelled()) return cancelled_error("remesh");
     for (std::size_t k = 0; k < again.size(); ++k) {
-      auto& part = *parts[again[k].first];
-      Expected<detail::ComponentResult>& other = *others[k];
+      Expected<ComponentResult>&part = *parts_[again[k].first], &other = *others[k];
       if (!other || other->report.rung != part->report.rung) continue;
       const double change = static_cast<double>(other->mesh.quad_count() - part->mesh.quad_count());
       if (!(std::abs(missed + change) < std::abs(missed))) continue;
       missed += change;
       part = std::move(other);
     }
+    return {};
   }
 
-  // One mesh of all parts, in the order of the components.
-  watch = {};
-  Index vertices = 0, quads = 0;
-  for (std::size_t c = 0; c < parts.size(); ++c) {
-    if (!*parts[c]) {
-      Error error = parts[c]->error();
-      error.where =
-          "component " + std::to_string(c) + " (face " + std::to_string(faces[c].front()) + "), " + error.where;
-      return error;
+  /// One mesh of all parts, in the order of the components.
+  [[nodiscard]] Status gather() {
+    const Stopwatch watch;
+    RemeshReport& report = result_.report;
+    for (const Part& part : parts_) {
+      report.vertices += (*part)->mesh.vertex_count();
+      report.quads += (*part)->mesh.quad_count();
     }
-    vertices += (*parts[c])->mesh.vertex_count();
-    quads += (*parts[c])->mesh.quad_count();
-  }
-  QuadMesh& out = result.mesh;
-  out.positions.resize(vertices, 3);
-  out.quads.resize(quads, 4);
-  Index first_vertex = 0, first_quad = 0, largest = -1;
-  RemeshReport& report = result.report;
-  std::vector<char> beside(at(vertices), 0);  // of parts that have vertices beside the surface
-  std::vector<char> held(at(vertices), 0);    // on kept edges
-  double kept_length = 0, kept_as_quads = 0;
-  for (auto& slot : parts) {
-    detail::ComponentResult& part = **slot;
-    const Index n = part.mesh.vertex_count(), m = part.mesh.quad_count();
-    if (part.report.rung == Rung::split) std::fill_n(beside.begin() + first_vertex, n, char{1});
-    std::copy(part.held.begin(), part.held.end(), held.begin() + first_vertex);
-    kept_length += part.report.kept_length;
-    kept_as_quads += part.report.kept_as_quads;
-    out.positions.middleRows(first_vertex, n) = part.mesh.positions;
-    out.quads.middleRows(first_quad, m) = part.mesh.quads.array() + first_vertex;
-    out.source.insert(out.source.end(), part.mesh.source.begin(), part.mesh.source.end());
-    first_vertex += n;
-    first_quad += m;
-    report.irregular += part.report.irregular;
-    for (auto member : {&StageSeconds::pieces, &StageSeconds::field, &StageSeconds::map, &StageSeconds::integers,
-                        &StageSeconds::extraction, &StageSeconds::polish})
-      report.seconds.*member += part.seconds.*member;
-    for (Warning& warning : part.warnings) report.warnings.push_back(std::move(warning));
-    if (part.report.faces > largest) {
-      largest = part.report.faces;
-      report.field = part.field;
-      report.backends = part.backends;
+    QuadMesh& out = result_.mesh;
+    out.positions.resize(report.vertices, 3);
+    out.quads.resize(report.quads, 4);
+    beside_.assign(at(report.vertices), 0);
+    held_.assign(at(report.vertices), 0);
+    Index first_vertex = 0, first_quad = 0, largest = -1;
+    for (Part& slot : parts_) {
+      if (context_.cancelled()) return cancelled_error("remesh");
+      ComponentResult& part = **slot;
+      const Index n = part.mesh.vertex_count(), m = part.mesh.quad_count();
+      if (part.report.rung == Rung::split) std::fill_n(beside_.begin() + first_vertex, n, char{1});
+      std::copy(part.held.begin(), part.held.end(), held_.begin() + first_vertex);
+      kept_length_ += part.report.kept_length;
+      kept_as_quads_ += part.report.kept_as_quads;
+      out.positions.middleRows(first_vertex, n) = part.mesh.positions;
+      out.quads.middleRows(first_quad, m) = part.mesh.quads.array() + first_vertex;
+      out.source.insert(out.source.end(), part.mesh.source.begin(), part.mesh.source.end());
+      first_vertex += n;
+      first_quad += m;
+      report.irregular += part.report.irregular;
+      for (auto member : {&StageSeconds::pieces, &StageSeconds::field, &StageSeconds::map, &StageSeconds::integers,
+                          &StageSeconds::extraction, &StageSeconds::polish})
+        report.seconds.*member += part.seconds.*member;
+      for (Warning& warning : part.warnings) report.warnings.push_back(std::move(warning));
+      if (part.report.faces > largest) {
+        largest = part.report.faces;
+        report.field = part.field;
+        report.backends = part.backends;
+      }
+      report.components.push_back(std::move(part.report));
     }
-    report.components.push_back(std::move(part.report));
+    report.seconds.transfer += watch.seconds();
+    return {};
   }
-  report.quads = quads;
-  report.vertices = vertices;
-  const double gathering = watch.seconds();
 
-  watch = {};
-  if (options.before_fit) {
-    const std::vector<char> placed = options.before_fit(mesh, held, out);
-    for (std::size_t v = 0; v < placed.size(); ++v) held[v] = held[v] || placed[v];
+  /// The fit, and weights of the vertices where they came to lie.
+  [[nodiscard]] Status finish() {
+    Stopwatch watch;
+    QuadMesh& out = result_.mesh;
+    if (options_.before_fit) {
+      const std::vector<char> placed = options_.before_fit(mesh_, held_, out);
+      for (std::size_t v = 0; v < placed.size(); ++v) held_[v] = held_[v] || placed[v];
+    }
+    if (options_.fit.rounds > 0) {
+      for (std::size_t v = 0; v < held_.size(); ++v) held_[v] = held_[v] || beside_[v];
+      (void)fit(mesh_, fit_targets_, std::move(held_), options_.fit, out, context_);
+    }
+    if (context_.cancelled()) return cancelled_error("fit");
+    result_.report.seconds.polish += watch.seconds();
+    watch = {};
+    if (asset_.rig) {
+      Expected<SkinWeights> weights = transfer_weights(mesh_, asset_.rig->weights, out.source, options_.influences);
+      if (!weights) return weights.error();
+      result_.weights = std::move(*weights);
+    }
+    result_.report.seconds.transfer += watch.seconds();
+    return {};
   }
-  if (options.fit.rounds > 0) {
-    for (std::size_t v = 0; v < held.size(); ++v) held[v] = held[v] || beside[v];
-    (void)fit(mesh, fit_targets, std::move(held), options.fit, out, context);
-  }
-  if (context.cancelled()) return cancelled_error("fit");
-  report.seconds.polish += watch.seconds();
 
-  watch = {};
-  if (asset.rig) {
-    Expected<SkinWeights> weights = transfer_weights(mesh, asset.rig->weights, out.source, options.influences);
-    if (!weights) return weights.error();
-    result.weights = std::move(*weights);
-  }
-  report.seconds.transfer = gathering + watch.seconds();
-  double sum = 0;
-  report.scaled_jacobian_minimum = 1;
-  for (Index q = 0; q < quads; ++q) {
-    const double j = scaled_jacobian(out.positions, out.quads.row(q));
-    sum += j;
-    report.scaled_jacobian_minimum = std::min(report.scaled_jacobian_minimum, j);
-  }
-  report.scaled_jacobian_average = quads > 0 ? sum / quads : 0;
-  if (quads > options.quads * (1 + options.count_tolerance)) report.minimum_count = quads;
-  for (std::size_t c = 0; c < report.components.size(); ++c)
-    if (report.components[c].rung == Rung::split)
+  /// Figures and warnings of the report.
+  void tell() {
+    RemeshReport& report = result_.report;
+    double sum = 0;
+    report.scaled_jacobian_minimum = 1;
+    for (Index q = 0; q < report.quads; ++q) {
+      const double j = scaled_jacobian(result_.mesh.positions, result_.mesh.quads.row(q));
+      sum += j;
+      report.scaled_jacobian_minimum = std::min(report.scaled_jacobian_minimum, j);
+    }
+    report.scaled_jacobian_average = report.quads > 0 ? sum / report.quads : 0;
+    if (report.quads > options_.quads * (1 + options_.count_tolerance)) report.minimum_count = report.quads;
+    for (std::size_t c = 0; c < report.components.size(); ++c) {
+      const ComponentReport& part = report.components[c];
+      if (part.rung == Rung::split)
+        report.warnings.push_back(
+            {"remesh", "component " + std::to_string(c) + ": no valid map, split from triangles (" +
+                           (part.reasons.empty() ? std::string("no attempt") : part.reasons.back()) + ")"});
+    }
+    if (kept_as_quads_ < 0.99 * kept_length_)
       report.warnings.push_back(
-          {"remesh", "component " + std::to_string(c) + ": no valid map, split from triangles (" +
-                         (report.components[c].reasons.empty() ? std::string("no attempt")
-                                                               : report.components[c].reasons.back()) +
-                         ")"});
-  if (kept_as_quads < 0.99 * kept_length)
-    report.warnings.push_back(
-        {"remesh", std::to_string(static_cast<int>(100 * (1 - kept_as_quads / kept_length) + 0.5)) +
-                       " % of the length of creases and features are no edges of quads; more quads may help"});
-  const QuadTopology topology = quad_topology(out.quads, vertices);
-  report.valid = topology.defect.empty() && report.scaled_jacobian_minimum > 0;
-  for (const Warning& warning : report.warnings) context.warnings.push_back(warning);
-  report.seconds.total = total.seconds();
-  if (!report.valid)
-    return Error{ErrorCode::stage_failed, topology.defect.empty() ? "a quad stays inverted" : topology.defect,
-                 "check of the result", "ask for another count or the static preset"};
-  context.progress("done", 1);
-  return result;
+          {"remesh", std::to_string(static_cast<int>(100 * (1 - kept_as_quads_ / kept_length_) + 0.5)) +
+                         " % of the length of creases and features are no edges of quads; more quads may help"});
+  }
+
+  const Asset& asset_;
+  const TriangleMesh<double>& mesh_;
+  const RemeshOptions& options_;
+  const SizingOptions sizing_;
+  Context& context_;
+  SizeField sizes_;
+  std::optional<PosedMetric> metric_;
+  FitTargets fit_targets_;
+  std::vector<std::vector<Index>> faces_;  // of each component
+  std::vector<Part> parts_;
+  std::vector<char> beside_;  // vertices of parts that have some beside the surface
+  std::vector<char> held_;    // vertices on kept edges
+  double kept_length_ = 0, kept_as_quads_ = 0;
+  RemeshResult result_;
+};
+
+}  // namespace detail
+
+QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOptions& options, Context& context) {
+  if (Status status = detail::check_request(asset, options); !status.ok()) return status.error();
+  return detail::Remesher(asset, options, context).run();
 }
 
 }  // namespace quadrig

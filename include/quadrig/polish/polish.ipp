@@ -10,16 +10,8 @@ namespace detail {
 class Polisher {
  public:
   Polisher(const TriangleMesh<double>& mesh, const PolishOptions& options, const EdgeMarks& kept, QuadMesh& quads)
-      : mesh_(mesh), options_(options), quads_(quads) {
+      : mesh_(mesh), options_(options), quads_(quads), corners_(quads) {
     const auto n = static_cast<std::size_t>(quads.vertex_count());
-    starts_.assign(n + 1, 0);
-    for (Index q = 0; q < quads.quad_count(); ++q)
-      for (int i = 0; i < 4; ++i) ++starts_[at(quads.quads(q, i)) + 1];
-    for (std::size_t v = 0; v < n; ++v) starts_[v + 1] += starts_[v];
-    incident_.resize(starts_[n]);
-    std::vector<std::size_t> next(starts_.begin(), starts_.end() - 1);
-    for (Index q = 0; q < quads.quad_count(); ++q)
-      for (int i = 0; i < 4; ++i) incident_[next[at(quads.quads(q, i))]++] = 4 * q + i;
     rail_.assign(n, no_index);
     fixed_.assign(n, 0);
     if (mesh.closed() && kept.empty()) return;
@@ -85,9 +77,9 @@ class Polisher {
         if (!patch[at(v)] || fixed_[at(v)]) continue;
         Vector3 mean = Vector3::Zero();
         double count = 0;
-        for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k) {
-          const Index q = incident_[k] / 4;
-          const int i = incident_[k] % 4;
+        for (const Index k : corners_.at(v)) {
+          const Index q = k / 4;
+          const int i = k % 4;
           mean += point(quads_.quads(q, (i + 1) % 4)) + point(quads_.quads(q, (i + 3) % 4));
           count += 2;
         }
@@ -126,7 +118,7 @@ class Polisher {
           const Index w = mesh_.faces()(s.face, corner);
           if (mesh_.on_boundary(w) && s.barycentric[corner] > 1 - 1e-9) rail_[at(v)] = mesh_.outgoing(w);
         }
-        if (rail_[at(v)] == no_index || starts_[at(v) + 1] - starts_[at(v)] != 2) fixed_[at(v)] = 1;
+        if (rail_[at(v)] == no_index || corners_.at(v).size() != 2) fixed_[at(v)] = 1;
       }
     }
   }
@@ -141,7 +133,7 @@ class Polisher {
         fixed_[at(v)] = 1;
       if (fixed_[at(v)] || rail_[at(v)] != no_index) continue;
       rail_[at(v)] = curves_->under(s, near);
-      if (rail_[at(v)] != no_index && starts_[at(v) + 1] - starts_[at(v)] != 4) fixed_[at(v)] = 1;
+      if (rail_[at(v)] != no_index && corners_.at(v).size() != 4) fixed_[at(v)] = 1;
     }
   }
 
@@ -202,8 +194,8 @@ class Polisher {
     for (int i = 0; i < 3; ++i)
       if (const Index g = mesh_.twin(3 * here.face + i); g != no_index && here.barycentric[(i + 2) % 3] < 0.05)
         sides[static_cast<std::size_t>(i + 1)] = g / 3;
-    for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k) {
-      const Index q = incident_[k] / 4;
+    for (const Index k : corners_.at(v)) {
+      const Index q = k / 4;
       const Eigen::Matrix<Index, 1, 4> quad = quads_.quads.row(q);
       double j = scaled_jacobian(quads_.positions, quad);
       const Vector3 n = (point(quad[2]) - point(quad[0])).cross(point(quad[3]) - point(quad[1]));
@@ -223,14 +215,14 @@ class Polisher {
 
   /// Returns how far the vertex went, relative to its edges.
   double move(Index v) {
-    if (fixed_[at(v)] || starts_[at(v)] == starts_[at(v) + 1]) return 0;
+    if (fixed_[at(v)] || corners_.at(v).empty()) return 0;
     const Place here{point(v), quads_.source[at(v)], rail_[at(v)]};
     Vector3 mean = Vector3::Zero();
     double edge = 0;
-    const auto count = static_cast<double>(starts_[at(v) + 1] - starts_[at(v)]);
-    for (std::size_t k = starts_[at(v)]; k < starts_[at(v) + 1]; ++k) {
-      const Index q = incident_[k] / 4;
-      const int i = incident_[k] % 4;
+    const auto count = static_cast<double>(corners_.at(v).size());
+    for (const Index k : corners_.at(v)) {
+      const Index q = k / 4;
+      const int i = k % 4;
       mean += rectangle_corner(q, i) / count;
       edge += (point(quads_.quads(q, (i + 1) % 4)) - here.position).norm() / count;
     }
@@ -286,9 +278,9 @@ class Polisher {
   const TriangleMesh<double>& mesh_;
   const PolishOptions& options_;
   QuadMesh& quads_;
-  std::vector<std::size_t> starts_;
+  const QuadCorners corners_;
   std::optional<EdgeCurves> curves_;  // of the border and of what is kept
-  std::vector<Index> incident_, rail_;
+  std::vector<Index> rail_;
   std::vector<char> fixed_;
 };
 
