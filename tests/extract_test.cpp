@@ -219,43 +219,42 @@ TEST_CASE("quads: corners by vertex", "[extract]") {
 }
 
 TEST_CASE("coarse quads: where a handle is fewer than three quads around, rows are added", "[extract]") {
-  std::optional<Soup> handles;
-  for (const SyntheticCase& each : synthetic_cases())
-    if (each.name == "handles_2") handles = each.make();
-  REQUIRE(handles);
-  FieldCase field = field_case(build(*handles), 0, 0.12);
-  REQUIRE((mappable(field) && !field.pinned));
-  const GridCase c = grid_case<Complex>(std::move(field), 300);
-  const SurfaceTopology surface(c.field.mesh);
-  const std::vector<char> border = c.field.border();
   int widened = 0;
-  for (const double wanted : {15.0, 16.0, 25.0, 40.0, 300.0}) {
-    StageSeconds seconds;
-    Context context;
-    std::int64_t work = 16'000'000;
+  for (const SyntheticCase& each : synthetic_cases()) {
+    if (each.name != "handles_1" && each.name != "handles_2" && each.name != "handles_3") continue;
+    FieldCase field = field_case(build(each.make()), 0, 0.12);
+    REQUIRE((mappable(field) && !field.pinned));
+    const GridCase c = grid_case<Complex>(std::move(field), 300);
+    const SurfaceTopology surface(c.field.mesh);
+    const std::vector<char> border = c.field.border();
+    const auto find = [&](double wanted, double most, std::vector<std::string>& reasons) {
+      StageSeconds seconds;
+      Context context;
+      std::int64_t work = 16'000'000;
+      return CoarseQuadsSearch(c.coarse, c.field.index(), border, surface, seconds)
+          .find(wanted, 0.05, most, work, reasons, context);
+    };
+    for (int wanted = 8; wanted <= 60; ++wanted) {  // at some of them the first count does not do
+      std::vector<std::string> reasons;
+      const auto found = find(wanted, 1000, reasons);
+      REQUIRE(found);
+      const auto n = static_cast<Index>(found->quads.vertices.size());
+      CHECK(unlike(quad_topology(found->quads.quads, n), surface).empty());
+      CHECK(found->quads.quads.rows() == static_cast<Eigen::Index>(std::lround(found->integers.quads)));
+      QuantizeOptions options;
+      options.target_quads = wanted;
+      Context context;
+      const Quantization first = quantize(c.coarse, c.field.index(), border, options, context).value();
+      CHECK(reasons.empty() == (found->integers.edge == first.edge));
+      if (reasons.size() != 1) continue;
+      CHECK(reasons.front().find("integers at " + std::to_string(std::lround(first.quads)) + " quads: ") == 0);
+      CHECK(found->integers.quads > first.quads);
+      widened += found->integers.quads < 1.5 * wanted;
+    }
     std::vector<std::string> reasons;
-    const auto found = CoarseQuadsSearch(c.coarse, c.field.index(), border, surface, seconds)
-                           .find(wanted, 0.05, 1000, work, reasons, context);
-    REQUIRE(found);
-    const auto n = static_cast<Index>(found->quads.vertices.size());
-    CHECK(unlike(quad_topology(found->quads.quads, n), surface).empty());
-    CHECK(found->quads.quads.rows() == static_cast<Eigen::Index>(std::lround(found->integers.quads)));
-    QuantizeOptions options;
-    options.target_quads = wanted;
-    const Quantization first = quantize(c.coarse, c.field.index(), border, options, context).value();
-    CHECK(reasons.empty() == (found->integers.edge == first.edge));
-    if (reasons.size() != 1) continue;
-    CHECK(reasons.front().find("integers at " + std::to_string(std::lround(first.quads)) + " quads: edge") == 0);
-    CHECK(found->integers.quads > first.quads);
-    widened += found->integers.quads < 1.5 * wanted;
+    const auto too_many = find(300, 100, reasons);
+    REQUIRE(!too_many);
+    CHECK(too_many.error().what.find("the map needs ") == 0);
   }
-  CHECK(widened >= 2);
-  StageSeconds seconds;
-  Context context;
-  std::int64_t work = 16'000'000;
-  std::vector<std::string> reasons;
-  const auto too_many = CoarseQuadsSearch(c.coarse, c.field.index(), border, surface, seconds)
-                            .find(300, 0.05, 100, work, reasons, context);
-  REQUIRE(!too_many);
-  CHECK(too_many.error().what.find("the map needs ") == 0);
+  CHECK(widened >= 1);
 }
