@@ -91,26 +91,15 @@ struct FrontTile {
       for (int c = 0; c < C; ++c) subtract_one(left + i, left_stride, right + c, depth, target + c * stride + i);
   }
 
-  /// Columns [0, count) of target from each one's diagonal on; of the first rows above it, too. In blocks of the depth
-  /// and of rows that stay in the caches, and whose columns lie on few pages.
+  /// Columns [0, count) of target from each one's diagonal on; of the first rows above it, too.
   QUADRIG_FLATTEN static void trapezoid(const K* left, std::ptrdiff_t left_stride, Index depth, K* target,
                                         std::ptrdiff_t stride, Index rows, Index count) {
-    constexpr Index wide = is_complex ? 2 : 4, deep = 64, tall = 256;
-    for (Index k = 0; k < depth; k += deep, left += deep * left_stride) {
-      const Index part = std::min(deep, depth - k);
-      for (Index top = 0; top < rows; top += tall) {
-        const Index bottom = std::min(rows, top + tall), last = std::min(count, bottom);
-        Index j = 0;
-        for (; j + wide <= last; j += wide) {
-          const Index i = std::max(j, top);
-          columns<wide>(left + i, left_stride, bottom - i, left + j, part, target + j * stride + i, stride);
-        }
-        for (; j < last; ++j) {
-          const Index i = std::max(j, top);
-          columns<1>(left + i, left_stride, bottom - i, left + j, part, target + j * stride + i, stride);
-        }
-      }
-    }
+    constexpr int wide = is_complex ? 2 : 4;
+    Index j = 0;
+    for (; j + wide <= count; j += wide)
+      columns<wide>(left + j, left_stride, rows - j, left + j, depth, target + j * stride + j, stride);
+    for (; j < count; ++j)
+      columns<1>(left + j, left_stride, rows - j, left + j, depth, target + j * stride + j, stride);
   }
 };
 
@@ -135,7 +124,7 @@ __attribute__((target("avx2"))) void front_trapezoid_avx2(const K* left, std::pt
 template <class K>
 struct Front {
   using Real = real_of<K>;
-  static constexpr Index panel_block = 8, outer_block = 64, thread_block = 16;
+  static constexpr Index panel_block = 8, thread_block = 16;
   static constexpr double worth_threads = 4e6;  // multiplications
 
   static std::ptrdiff_t offset(Index column, Index stride) { return static_cast<std::ptrdiff_t>(column) * stride; }
@@ -144,27 +133,21 @@ struct Front {
   /// on. Returns the column that was not accepted, or no_index.
   template <class Accept>
   static Index factorize(K* panel, Index width, Index height, Accept&& accept, const Context* context) {
-    for (Index first = 0; first < width; first += outer_block) {
-      const Index last = std::min(width, first + outer_block);
-      for (Index begin = first; begin < last; begin += panel_block) {
-        const Index end = std::min(last, begin + panel_block);
-        for (Index j = begin; j < end; ++j) {
-          K* const column = panel + offset(j, height);
-          if (j > begin)
-            trapezoid(panel + offset(begin, height) + j, height, j - begin, column + j, height, height - j, 1);
-          const Real pivot = std::real(column[j]);
-          if (!accept(j, pivot)) return j;
-          const Real root = std::sqrt(pivot), inverse = 1 / root;
-          column[j] = K(root);
-          for (Index i = j + 1; i < height; ++i) column[i] *= inverse;
-        }
-        if (end < last)
-          subtract_product(panel + offset(begin, height) + end, end - begin, height, panel + offset(end, height) + end,
-                           height, height - end, last - end, context);
+    for (Index begin = 0; begin < width; begin += panel_block) {
+      const Index end = std::min(width, begin + panel_block);
+      for (Index j = begin; j < end; ++j) {
+        K* const column = panel + offset(j, height);
+        if (j > begin)
+          trapezoid(panel + offset(begin, height) + j, height, j - begin, column + j, height, height - j, 1);
+        const Real pivot = std::real(column[j]);
+        if (!accept(j, pivot)) return j;
+        const Real root = std::sqrt(pivot), inverse = 1 / root;
+        column[j] = K(root);
+        for (Index i = j + 1; i < height; ++i) column[i] *= inverse;
       }
-      if (last < width)
-        subtract_product(panel + offset(first, height) + last, last - first, height,
-                         panel + offset(last, height) + last, height, height - last, width - last, context);
+      if (end < width)
+        subtract_product(panel + offset(begin, height) + end, end - begin, height, panel + offset(end, height) + end,
+                         height, height - end, width - end, context);
     }
     return no_index;
   }
