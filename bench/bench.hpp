@@ -7,6 +7,7 @@
 #include <fstream>
 #include <map>
 #include <memory>
+#include <optional>
 #include <string>
 #if defined(__GLIBC__)
 #include <malloc.h>
@@ -178,16 +179,16 @@ inline bool take_flag(int& argc, char** argv, const char* flag) {
   return false;
 }
 
-/// What stands behind `--name`, taken from the arguments.
-inline std::string take_value(int& argc, char** argv, const char* name, const char* otherwise) {
+/// What stands behind the first such flag, both taken from the arguments.
+inline std::optional<std::string> take_value(int& argc, char** argv, const char* flag) {
   for (int k = 1; k + 1 < argc; ++k)
-    if (std::strcmp(argv[k], name) == 0) {
+    if (std::strcmp(argv[k], flag) == 0) {
       std::string value = argv[k + 1];
       for (int i = k; i + 2 < argc; ++i) argv[i] = argv[i + 2];
       argc -= 2;
       return value;
     }
-  return otherwise;
+  return std::nullopt;
 }
 
 }  // namespace quadrig::bench

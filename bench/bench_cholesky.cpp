@@ -172,25 +172,15 @@ int main(int argc, char** argv) {
   const auto steps = {std::pair{"analyze", Step::analyze}, {"factorize", Step::factorize}, {"solve", Step::solve}};
   std::map<std::string, System> files;
   std::vector<std::string> surfaces;
-  for (int k = 1; k + 1 < argc; ++k) {
-    if (std::strcmp(argv[k], "--surface") == 0) {
-      surfaces.emplace_back(argv[k + 1]);
-      for (int i = k; i + 2 < argc; ++i) argv[i] = argv[i + 2];
-      argc -= 2;
-      --k;
-      continue;
-    }
-    if (std::strcmp(argv[k], "--matrix") != 0) continue;
-    auto matrix = bench::read_matrix_market(argv[k + 1]);
+  while (auto path = bench::take_value(argc, argv, "--surface")) surfaces.push_back(std::move(*path));
+  while (const auto path = bench::take_value(argc, argv, "--matrix")) {
+    auto matrix = bench::read_matrix_market(*path);
     if (!matrix) {
       std::fprintf(stderr, "%s\n", matrix.error().message().c_str());
       return 1;
     }
     const auto size = static_cast<std::size_t>(matrix->size);
-    files[argv[k + 1]] = {std::move(*matrix), std::vector<Complex>(size, 1.0)};
-    for (int i = k; i + 2 < argc; ++i) argv[i] = argv[i + 2];
-    argc -= 2;
-    --k;
+    files[*path] = {std::move(*matrix), std::vector<Complex>(size, 1.0)};
   }
   const auto built = [](const Backend& backend) {
     const std::string_view name = backend.name;

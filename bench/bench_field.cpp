@@ -76,7 +76,8 @@ void brush(benchmark::State& state, bool fixed, const std::string& backend, cons
 
 int main(int argc, char** argv) {
   const bool full = bench::take_flag(argc, argv, "--full");
-  threads = static_cast<unsigned>(std::max(1, std::atoi(bench::take_value(argc, argv, "--threads", "1").c_str())));
+  threads =
+      static_cast<unsigned>(std::max(1, std::atoi(bench::take_value(argc, argv, "--threads").value_or("1").c_str())));
   std::vector<Index> sizes{5'000, 20'000, 100'000};
   std::vector<std::string> backends{std::string(default_solver_name)};
   if (full) {
