@@ -163,6 +163,7 @@ int main(int argc, char** argv) {
   const std::vector<Backend> backends{{"automatic", 4},
                                       {"supernodal/minimum-degree", 4},
                                       {"supernodal/dissection", 4},
+                                      {"supernodal-mixed/dissection", 4},
                                       {"multigrid", 4},
                                       {"eigen/minimum-degree", 4},
                                       {"eigen/dissection", 3},

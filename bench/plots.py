@@ -10,7 +10,7 @@ import math
 import pathlib
 import sys
 
-COLOURS = ["#2f7ed8", "#d8572a", "#3a9d5d", "#8e63ce", "#c9a227", "#12858c", "#b05279", "#5f6368", "#9aa0a6"]
+COLOURS = ["#2f7ed8", "#d8572a", "#3a9d5d", "#8e63ce", "#c9a227", "#12858c", "#b05279", "#5f6368", "#9aa0a6", "#6b4f3a"]
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 760, 380, 60, 250, 34, 46
 PLOTS = {
     "first": ("A first solution: ordering, analysis, factorization and solve", ("analyze", "factorize", "solve")),

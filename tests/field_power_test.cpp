@@ -211,6 +211,67 @@ TEST_CASE("field solver: other fixed faces, the same solution as from the start"
   CHECK(lasting.report().residual < 1e-12);
 }
 
+TEST_CASE("field: factors in single precision leave it as it is, whatever the threads", "[field]") {
+  const bool flat = GENERATE(false, true);
+  const Asset asset = test::limbed_asset(4, true);
+  const Rig* rig = flat ? nullptr : &*asset.rig;
+  const Connection<double> connection(asset.mesh);
+  FieldOptions options;
+  options.quad_edge = 0.2;
+  Context context;
+  const auto exact = design_field(asset.mesh, rig, connection, options, context);
+  REQUIRE(exact);
+  CHECK(exact->report.merge_rounds > 1);
+  CHECK(exact->report.solve.backend.starts_with("automatic: supernodal, "));
+  options.own_solver = [] { return Expected<AnySolver<Complex>>(AutomaticSolver<Complex>({.mixed_from = 1})); };
+  std::optional<FieldResult> first;
+  for (const unsigned threads : {1u, 2u, 5u}) {
+    context.threads = threads;
+    auto field = design_field(asset.mesh, rig, connection, options, context);
+    REQUIRE(field);
+    CHECK(field->report.solve.backend.starts_with("automatic: supernodal-mixed, "));
+    CHECK(field->report.solve.residual < 1e-11);
+    CHECK(field->singularities.sum == exact->singularities.sum);
+    double worst = 0;
+    for (std::size_t f = 0; f < exact->polynomial.x0.size(); ++f)
+      worst = std::max(worst, std::abs(field->polynomial.x0[f] - exact->polynomial.x0[f]));
+    CHECK(worst < 1e-4);
+    if (first) CHECK(field->polynomial.x0 == first->polynomial.x0);
+    if (!first) first = std::move(*field);
+  }
+}
+
+TEST_CASE("field solver: what is prepared and improved is what is minimized", "[field]") {
+  const Asset asset = test::limbed_asset(3, false);
+  const auto m = static_cast<std::size_t>(asset.mesh.face_count());
+  const Connection<double> connection(asset.mesh);
+  Context context;
+  const std::vector<double> smoothness = dirichlet_weights(asset.mesh), weight(m, 1e-2);
+  const std::vector<Complex> target(m, Complex(1)), nothing(m);
+  const std::array<FieldSystem::Fixed, 2> held{FieldSystem::Fixed{3, Complex(0, 1)}, {9, Complex(-1, 0)}};
+  const FieldSystem system{
+      .power = 4, .smoothness = smoothness, .target = target, .target_weight = weight, .fixed = held};
+  for (const std::string_view backend : {"supernodal", "supernodal-mixed", "multigrid"}) {
+    INFO(backend);
+    auto solver = FieldSolver::create(asset.mesh, connection, solver_factory<Complex>(backend)).value();
+    const auto wanted = solver.minimize(std::span(&system, 1), context);
+    REQUIRE(wanted);
+    REQUIRE(solver.prepare(std::span(&system, 1), context).ok());
+    std::vector<Complex> z(m);
+    for (const FieldSystem::Fixed& each : held) z[static_cast<std::size_t>(each.face)] = each.value;
+    REQUIRE(solver.improve(0, nothing, 1e-12, z, context).ok());
+    double worst = 0;
+    for (std::size_t f = 0; f < m; ++f) worst = std::max(worst, std::abs(z[f] - wanted.value()[0][f]));
+    CHECK(worst < 1e-9);
+    // Twice the pull of the targets' right-hand side: another field, the same held faces.
+    std::vector<Complex> more(m);
+    for (std::size_t f = 0; f < m; ++f) more[f] = weight[f] * target[f];
+    REQUIRE(solver.improve(0, more, 1e-12, z, context).ok());
+    CHECK(z[3] == Complex(0, 1));
+    CHECK(std::abs(z[50] - wanted.value()[0][50]) > 1e-3);
+  }
+}
+
 TEST_CASE("field: in single precision it is that of double precision, to what floats can hold", "[field]") {
   const bool flat = GENERATE(false, true);
   const Asset asset = test::limbed_asset(4, true);

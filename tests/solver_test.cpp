@@ -247,6 +247,132 @@ TEST_CASE("solver: the automatic choice is direct while the factor fits, and tel
   }
 }
 
+TEST_CASE("solver: mixed precision where asked, for systems in double alone", "[solver]") {
+  const Strip<Complex> strip(30, 30);
+  const Strip<std::complex<float>> single(30, 30);
+  Context context;
+  for (const auto& [from, wanted] : {std::pair{1800, "automatic: supernodal-mixed, minimum degree"},
+                                     {1801, "automatic: supernodal, minimum degree"}}) {
+    AutomaticSolver<Complex> solver({.mixed_from = from});
+    REQUIRE(solver.analyze(strip.form.matrix(), {}, context).ok());
+    CHECK(solver.description() == wanted);
+    CHECK(solver.elimination_order().size() == 1800);
+    REQUIRE(solver.factorize(strip.form.matrix(), context).ok());
+    std::vector<Complex> x(1800);
+    const SolveInfo info = solver.solve(strip.form.rhs(), x, context);
+    REQUIRE(info.status.ok());
+    CHECK(info.residual < 1e-12);
+    CHECK((info.iterations > 0) == (from == 1800));
+  }
+  AutomaticSolver<std::complex<float>> floats({.mixed_from = 1});
+  REQUIRE(floats.analyze(single.form.matrix(), {}, context).ok());
+  CHECK(floats.description() == "automatic: supernodal, minimum degree");
+}
+
+TEMPLATE_TEST_CASE("solver: where the factor in single precision is not enough, one in double is made", "[solver]",
+                   double, std::complex<double>) {
+  using K = TestType;
+  Context context;
+  for (const auto& [pull, in_double] : {std::pair{1e-4, false}, {1e-9, true}}) {
+    constexpr Index size = 60;
+    const RowTerm rows{"pairs", [pull = pull](EmitRow<K> emit) {
+                         detail::LawNumbers<K> numbers(3);
+                         const std::array<K, 2> difference{K(1), K(-1)};
+                         for (Index f = 0; f < size; f += 2)
+                           emit(Row<K>{std::array<Index, 2>{f, f + 1}, difference, numbers.number(), 1});
+                         for (Index f = 0; f < size; ++f)
+                           emit(Row<K>{std::array<Index, 1>{f}, std::array<K, 1>{K(1)}, numbers.number(), pull});
+                       }};
+    QuadraticForm<K> form(size);
+    REQUIRE(form.assemble(rows).ok());
+    const auto A = form.matrix();
+    MixedCholesky<K> solver;
+    SupernodalCholesky<K> direct;
+    std::vector<K> x(at(A.size)), wanted(x.size());
+    for (int round = 0; round < 2; ++round) {  // what one matrix needed is not what the next needs
+      REQUIRE(solver.analyze(A, {}, context).ok());
+      REQUIRE(solver.factorize(A, context).ok());
+      const SolveInfo info = solver.solve(form.rhs(), x, context);
+      REQUIRE(info.status.ok());
+      CHECK(info.residual < 1e-9);
+      CHECK(solver.description() == std::string("supernodal-mixed, minimum degree") + (in_double ? ", in double" : ""));
+    }
+    REQUIRE(direct.analyze(A, {}, context).ok());
+    REQUIRE(direct.factorize(A, context).ok());
+    REQUIRE(direct.solve(form.rhs(), wanted, context).status.ok());
+    if (in_double) CHECK((x == wanted));
+  }
+}
+
+TEMPLATE_TEST_CASE("solver: mixed precision takes numbers that no float can hold", "[solver]", double,
+                   std::complex<double>) {
+  using K = TestType;
+  const Strip<K> strip(40, 40);
+  const auto A = strip.form.matrix();
+  HermitianMatrix<K> scaled{A.size,
+                            {A.column_starts.begin(), A.column_starts.end()},
+                            {A.rows.begin(), A.rows.end()},
+                            {A.values.begin(), A.values.end()}};
+  std::vector<K> b(strip.form.rhs().begin(), strip.form.rhs().end()), x(b.size()), wanted(b.size());
+  const auto scale = [](Index i) { return std::pow(10.0, -60 + i % 7); };
+  for (Index j = 0; j < A.size; ++j) {
+    b[at(j)] *= scale(j);
+    for (Index e = A.column_starts[at(j)]; e < A.column_starts[at(j) + 1]; ++e)
+      scaled.values[at(e)] *= scale(j) * scale(A.rows[at(e)]);
+  }
+  Context context;
+  auto mixed = make_solver<K>("supernodal-mixed").value(), direct = make_solver<K>("supernodal").value();
+  for (auto [solver, solution] : {std::pair(&mixed, &x), {&direct, &wanted}}) {
+    REQUIRE(solver->analyze(scaled.view(), {}, context).ok());
+    REQUIRE(solver->factorize(scaled.view(), context).ok());
+    REQUIRE(solver->solve(b, *solution, context).status.ok());
+  }
+  CHECK(mixed.description() == "supernodal-mixed, minimum degree");
+  double worst = 0, largest = 0;
+  for (Index i = 0; i < A.size; ++i) {
+    worst = std::max(worst, std::abs(x[at(i)] - wanted[at(i)]) * scale(i));
+    largest = std::max(largest, std::abs(wanted[at(i)]) * scale(i));
+  }
+  CHECK(worst < 1e-9 * largest);
+}
+
+TEMPLATE_TEST_CASE("solver: a guess is improved to the tolerance asked, or solved for where a backend does not iterate",
+                   "[solver]", double, std::complex<double>) {
+  using K = TestType;
+  const Strip<K> strip(60, 60, 1e-3);
+  const auto A = strip.form.matrix();
+  const auto b = strip.form.rhs();
+  for (const std::string_view name : solver_names()) {
+    if (!solver_built<K>(name)) continue;
+    INFO(name);
+    Context context;
+    auto solver = make_solver<K>(name).value();
+    REQUIRE(solver.analyze(A, {}, context).ok());
+    REQUIRE(solver.factorize(A, context).ok());
+    std::vector<K> x(at(A.size)), near(x.size()), zero(x.size());
+    const SolveInfo whole = solver.solve(b, x, context), some = solver.improve(b, zero, 1e-3, context);
+    near = x;
+    for (K& each : near) each *= 1 + 1e-3;
+    const SolveInfo less = solver.improve(b, near, 1e-5, context);
+    std::vector<K> again = x;
+    const SolveInfo none = solver.improve(b, again, 1e-9, context);
+    REQUIRE((whole.status.ok() && some.status.ok() && less.status.ok() && none.status.ok()));
+    CHECK(relative_residual<K>(A, zero, b) < 1e-3);
+    CHECK(relative_residual<K>(A, near, b) < 1e-5);
+    CHECK(less.residual == Approx(relative_residual<K>(A, near, b)).epsilon(1e-3).margin(1e-14));
+    CHECK(again == x);
+    CHECK(none.iterations == 0);
+    if (whole.iterations > 0) {
+      CHECK(some.iterations < whole.iterations);
+      CHECK(less.iterations < whole.iterations);
+      CHECK(relative_residual<K>(A, near, b) > 1e-12);
+    }
+    const std::vector<K> nothing(x.size());
+    REQUIRE(solver.improve(nothing, again, 1e-6, context).status.ok());
+    CHECK(again == nothing);
+  }
+}
+
 TEST_CASE("solver: an iteration that does not end is an error", "[solver]") {
   const Strip<Complex> strip(30, 30, 1e-6);
   Context context;
@@ -384,7 +510,8 @@ TEMPLATE_TEST_CASE("solver: our own give the same bits at any number of threads"
   const Strip<K> strip(100, 170);
   const auto A = strip.form.matrix();
   std::vector<K> first(at(A.size)), x(first.size());
-  for (const std::string_view name : {"supernodal/dissection", "supernodal/minimum-degree", "multigrid"})
+  for (const std::string_view name :
+       {"supernodal/dissection", "supernodal/minimum-degree", "supernodal-mixed", "multigrid"})
     for (const unsigned threads : {1u, 2u, 3u, 7u}) {
       INFO(name << ", " << threads << " threads");
       Context context;
@@ -515,6 +642,18 @@ TEST_CASE("ordering: counts are those of the factor, and dissection is as good a
     return elimination_order(A.size, A.column_starts, A.rows, ordering, context).multiplications;
   };
   CHECK(work(Ordering::nested_dissection) < 1.25 * work(Ordering::minimum_degree));
+  // Leaves by minimum degree see what lies around them: their size hardly matters.
+  detail::SymbolicBuilder builder(A.size, A.column_starts, A.rows);
+  const auto leaves = [&](Index leaf) {
+    std::vector<Index> order = nested_dissection(A.size, A.column_starts, A.rows, {.leaf = leaf}, context);
+    const double multiplications = builder.multiplications(order);
+    std::sort(order.begin(), order.end());
+    for (std::size_t i = 0; i < order.size(); ++i) REQUIRE(order[i] == static_cast<Index>(i));
+    return multiplications;
+  };
+  const double usual = leaves(160);
+  CHECK(usual == leaves(0));
+  for (const Index leaf : {700, 3000}) CHECK(leaves(leaf) < 1.25 * usual);
   CHECK(work(Ordering::automatic) <= work(Ordering::minimum_degree));
 }
 

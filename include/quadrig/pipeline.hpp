@@ -74,6 +74,15 @@ struct ComponentReport {
 /// Wall-clock, of components that run side by side the sum; `pieces`: cutting out, refinement and stand-ins.
 struct StageSeconds {
   double metric = 0, pieces = 0, field = 0, map = 0, integers = 0, extraction = 0, polish = 0, transfer = 0, total = 0;
+
+  /// Of all stages; `total` is not a sum.
+  StageSeconds& operator+=(const StageSeconds& other) {
+    for (const auto stage :
+         {&StageSeconds::metric, &StageSeconds::pieces, &StageSeconds::field, &StageSeconds::map,
+          &StageSeconds::integers, &StageSeconds::extraction, &StageSeconds::polish, &StageSeconds::transfer})
+      this->*stage += other.*stage;
+    return *this;
+  }
 };
 
 /// What solved the systems of each stage, in words; empty where a stage had none.

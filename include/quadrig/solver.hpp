@@ -15,16 +15,24 @@ namespace quadrig {
 inline constexpr std::string_view default_solver_name = "automatic";
 
 /// Every backend this version knows, built or not. The names of direct ones may be followed by the ordering that they
-/// are to use: "supernodal" and "eigen" by "/minimum-degree" or "/dissection", else chosen by the pattern; CHOLMOD's by
-/// "/metis", else its minimum degree.
-[[nodiscard]] constexpr std::array<std::string_view, 6> solver_names() {
-  return {"automatic", "supernodal", "eigen", "multigrid", "cholmod-simplicial-lgpl", "cholmod-supernodal-gpl"};
+/// are to use: "supernodal", "supernodal-mixed" and "eigen" by "/minimum-degree" or "/dissection", else chosen by the
+/// pattern; CHOLMOD's by "/metis", else its minimum degree.
+[[nodiscard]] constexpr std::array<std::string_view, 7> solver_names() {
+  return {"automatic",
+          "supernodal",
+          "supernodal-mixed",
+          "eigen",
+          "multigrid",
+          "cholmod-simplicial-lgpl",
+          "cholmod-supernodal-gpl"};
 }
 
 /// Whether a backend is part of this build, for systems of K.
 template <SparseScalar K>
 [[nodiscard]] constexpr bool solver_built(std::string_view name) {
-  if (name == "automatic" || name == "supernodal" || name == "eigen" || name == "multigrid") return true;
+  if (name == "automatic" || name == "supernodal" || name == "supernodal-mixed" || name == "eigen" ||
+      name == "multigrid")
+    return true;
 #if defined(QUADRIG_WITH_CHOLMOD)
   if constexpr (std::is_same_v<real_of<K>, double>) {
     if (name == "cholmod-simplicial-lgpl") return true;
@@ -49,7 +57,7 @@ template <SparseScalar K>
   if (name == "multigrid") return AnySolver<K>(MultigridCg<K>());
   const std::string_view backend = name.substr(0, name.find('/'));
   const std::string_view order = name.substr(backend.size());
-  if (backend == "supernodal" || backend == "eigen") {
+  if (backend == "supernodal" || backend == "supernodal-mixed" || backend == "eigen") {
     std::optional<Ordering> ordering;
     if (order.empty()) ordering = Ordering::automatic;
     if (order == "/minimum-degree") ordering = Ordering::minimum_degree;
@@ -58,6 +66,7 @@ template <SparseScalar K>
       return Error{ErrorCode::bad_option, "there is no such ordering", "solver " + std::string(name),
                    "one of: /minimum-degree, /dissection, or none"};
     if (backend == "supernodal") return AnySolver<K>(SupernodalCholesky<K>(*ordering));
+    if (backend == "supernodal-mixed") return AnySolver<K>(MixedCholesky<K>({.ordering = *ordering}));
     return AnySolver<K>(SimplicialLdlt<K>(*ordering));
   }
 #if defined(QUADRIG_WITH_CHOLMOD)

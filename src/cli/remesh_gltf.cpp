@@ -22,10 +22,7 @@ RemeshReport together(std::span<const GltfRemeshed> all) {
     sum.minimum_count += r.minimum_count;
     sum.components.insert(sum.components.end(), r.components.begin(), r.components.end());
     sum.warnings.insert(sum.warnings.end(), r.warnings.begin(), r.warnings.end());
-    for (auto member :
-         {&StageSeconds::metric, &StageSeconds::pieces, &StageSeconds::field, &StageSeconds::map,
-          &StageSeconds::integers, &StageSeconds::extraction, &StageSeconds::polish, &StageSeconds::transfer})
-      sum.seconds.*member += r.seconds.*member;
+    sum.seconds += r.seconds;
     if (r.quads > largest) {
       largest = r.quads;
       sum.field = r.field;

@@ -78,7 +78,13 @@ struct FieldProblem {
 
 template <class Scalar>
 SolverFactory<std::complex<Scalar>> factory_of(const BasicFieldOptions<Scalar>& options) {
-  return options.own_solver ? options.own_solver : solver_factory<std::complex<Scalar>>(options.solver);
+  using K = std::complex<Scalar>;
+  if (options.own_solver) return options.own_solver;
+  // A dozen solutions a factorization, most of them to few digits: mixed precision takes half the time.
+  constexpr Index large = 300'000;
+  if (options.solver == default_solver_name)
+    return [] { return Expected<AnySolver<K>>(AutomaticSolver<K>({.mixed_from = large})); };
+  return solver_factory<K>(options.solver);
 }
 
 template <class Scalar>
@@ -332,19 +338,24 @@ Expected<std::vector<Complex>> merge_singularities(BasicFieldSolver<Scalar>& sol
   system.shrink = scales.share;  // |x − x̂|² without its linear part, which each round adds to the right-hand side
   system.unpinned = {};
 
+  constexpr double merge_tolerance = 1e-5;  // the rounds end when they move crosses by some 300 times as much
   std::vector<Complex> pull(m), unit(m);
-  for (std::size_t f = 0; f < m; ++f) unit[f] = std::abs(x0[f]) > 0 ? x0[f] / std::abs(x0[f]) : Complex(1);
+  const auto renew = [&](std::size_t f) {
+    if (const double size = std::abs(x0[f]); size > 0) unit[f] = x0[f] / size;
+  };
+  for (std::size_t f = 0; f < m; ++f) {
+    unit[f] = 1;
+    renew(f);
+  }
   for (Index round = 0; round < options.merge_rounds; ++round) {
     for (std::size_t f = 0; f < m; ++f) pull[f] = scales.share[f] * unit[f];
     if (round == 0)
-      if (auto prepared = solver.minimize(std::span(&system, 1), context); !prepared) return prepared.error();
-    auto next = solver.solve_again(0, pull, context);
-    if (!next) return next.error();
-    x0 = std::move(*next);
+      if (Status status = solver.prepare(std::span(&system, 1), context); !status.ok()) return status.error();
+    if (Status status = solver.improve(0, pull, merge_tolerance, x0, context); !status.ok()) return status.error();
     double change = 0;
     for (std::size_t f = 0; f < m; ++f) {
       const Complex before = unit[f];
-      if (std::abs(x0[f]) > 0) unit[f] = x0[f] / std::abs(x0[f]);
+      renew(f);
       change += scales.share[f] * std::norm(unit[f] - before);
     }
     ++report.merge_rounds;

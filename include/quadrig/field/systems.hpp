@@ -71,10 +71,15 @@ class BasicFieldSolver {
   [[nodiscard]] Expected<std::vector<Complex>> update(std::size_t k, std::span<const Complex> target,
                                                       std::span<const double> target_weight, Context& context);
 
-  /// The k-th system of the last `minimize` or `update` once more, with numbers added to its right-hand side, one a
-  /// face: no assembly and no factorization. \pre that call succeeded. \cost one solve. \fails numeric; cancelled.
-  [[nodiscard]] Expected<std::vector<Complex>> solve_again(std::size_t k, std::span<const Complex> added_rhs,
-                                                           Context& context);
+  /// `minimize` up to its solutions: for `improve`. \fails and \cost as minimize
+  [[nodiscard]] Status prepare(std::span<const System> systems, Context& context);
+
+  /// The k-th system of the last `minimize`, `prepare` or `update` with numbers added to its right-hand side, one a
+  /// face, no assembly and no factorization: from the z given until the residual is within `tolerance` where the
+  /// backend iterates, else the solution. \pre that call succeeded; fixed faces have their values in z. \cost one
+  /// solve. \fails numeric; cancelled.
+  [[nodiscard]] Status improve(std::size_t k, std::span<const Complex> added_rhs, double tolerance,
+                               std::vector<Complex>& z, Context& context);
 
   [[nodiscard]] const FieldSolverReport& report() const { return report_; }
 
@@ -95,6 +100,8 @@ class BasicFieldSolver {
   [[nodiscard]] Status add_targets(Slot& slot, std::span<const Complex> target, std::span<const double> weight);
   [[nodiscard]] std::vector<Index> lasting_order(const QuadraticForm<K>& form) const;
   Status analyze(Slot& slot, Context& context);
+  template <class Body>
+  static void each_of(std::size_t count, Context& context, Body&& body);
 
   const TriangleMesh<Scalar>* mesh_;
   const Connection<Scalar>* connection_;
@@ -104,6 +111,7 @@ class BasicFieldSolver {
   // The pattern of the last analysis, and a solver that holds it, unfactored.
   std::vector<Index> column_starts_, rows_;
   std::optional<AnySolver<K>> analyzed_;
+  std::vector<K> rhs_, unknowns_;  // of `improve`, kept for the next
   FieldSolverReport report_;
 };
 using FieldSolver = BasicFieldSolver<double>;

@@ -205,74 +205,89 @@ Expected<Index> smallest_eigenvectors(const BasicFieldSystem<Scalar>& system,
 
 }  // namespace detail
 
+// Body(k, context of its own) for each system, side by side: callbacks are for the caller's thread.
 template <class Scalar>
-Expected<std::vector<std::vector<Complex>>> BasicFieldSolver<Scalar>::minimize(std::span<const System> systems,
-                                                                               Context& context) {
-  while (slots_.size() < systems.size()) slots_.push_back({QuadraticForm<K>(mesh_->face_count()), {}, 0, {}, {}});
+template <class Body>
+void BasicFieldSolver<Scalar>::each_of(std::size_t count, Context& context, Body&& body) {
+  const unsigned threads =
+      std::max(1u, context.thread_count() / static_cast<unsigned>(std::max<std::size_t>(count, 1)));
+  context.parallel_for(count, 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin; k < end; ++k) {
+      Context own = context.quiet(threads);
+      body(k, own);
+    }
+  });
+}
 
+template <class Scalar>
+Status BasicFieldSolver<Scalar>::prepare(std::span<const System> systems, Context& context) {
+  while (slots_.size() < systems.size()) slots_.push_back({QuadraticForm<K>(mesh_->face_count()), {}, 0, {}, {}});
   for (std::size_t k = 0; k < systems.size(); ++k) {
     const Stopwatch assembly;
-    if (Status status = assemble(slots_[k], systems[k], context); !status.ok()) return status.error();
+    if (Status status = assemble(slots_[k], systems[k], context); !status.ok()) return status;
     report_.assembly_seconds += assembly.seconds();
     const Stopwatch analysis;
-    if (Status status = analyze(slots_[k], context); !status.ok()) return status.error();
+    if (Status status = analyze(slots_[k], context); !status.ok()) return status;
     report_.analysis_seconds += analysis.seconds();
     if (context.cancelled()) return cancelled_error("field");
   }
+  std::vector<Status> statuses(systems.size());
+  std::vector<double> seconds(systems.size(), 0.0);
+  each_of(systems.size(), context, [&](std::size_t k, Context& own) {
+    const auto A = slots_[k].form.matrix();
+    if (A.size == 0) return;
+    const Stopwatch factorization;
+    statuses[k] = slots_[k].solver->factorize(A, own);
+    if (statuses[k].ok() && own.cancelled()) statuses[k] = cancelled_error("field");
+    seconds[k] = factorization.seconds();
+  });
+  for (std::size_t k = 0; k < systems.size(); ++k) {
+    if (!statuses[k].ok()) return statuses[k];
+    report_.factorization_seconds += seconds[k];
+  }
+  return {};
+}
 
+template <class Scalar>
+Expected<std::vector<std::vector<Complex>>> BasicFieldSolver<Scalar>::minimize(std::span<const System> systems,
+                                                                               Context& context) {
+  if (Status status = prepare(systems, context); !status.ok()) return status.error();
   struct Outcome {
     std::optional<Error> error;
     std::vector<Complex> z;
-    double factorization_seconds = 0, solve_seconds = 0, residual = 0;
+    double seconds = 0, residual = 0;
     Index iterations = 0;
   };
   std::vector<Outcome> outcomes(systems.size());
-  context.parallel_for(systems.size(), 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t k = begin; k < end; ++k) {
-      Outcome& outcome = outcomes[k];
-      Slot& slot = slots_[k];
-      // The caller's callbacks are for the caller's thread.
-      Context own = context.quiet(std::max(1u, context.thread_count() / static_cast<unsigned>(systems.size())));
-      std::vector<K> x(slot.form.rhs().size());
-      if (!x.empty()) {
-        const Stopwatch factorization;
-        if (Status status = slot.solver->factorize(slot.form.matrix(), own); !status.ok()) {
-          outcome.error = status.error();
-          continue;
-        }
-        outcome.factorization_seconds = factorization.seconds();
-        if (own.cancelled()) {
-          outcome.error = cancelled_error("field");
-          continue;
-        }
+  each_of(systems.size(), context, [&](std::size_t k, Context& own) {
+    Outcome& outcome = outcomes[k];
+    Slot& slot = slots_[k];
+    std::vector<K> x(slot.form.rhs().size());
+    const Stopwatch solve;
+    if (!x.empty()) {
+      const SolveInfo info = slot.solver->solve(slot.form.rhs(), x, own);
+      if (!info.status.ok()) {
+        outcome.error = info.status.error();
+        return;
       }
-      const Stopwatch solve;
-      if (!x.empty()) {
-        const SolveInfo info = slot.solver->solve(slot.form.rhs(), x, own);
-        if (!info.status.ok()) {
-          outcome.error = info.status.error();
-          continue;
-        }
-        outcome.residual = std::isnan(info.residual) ? 0 : info.residual;
-      }
-      outcome.z = detail::widened(slot.form.expand(x));
-      if (!systems[k].unpinned.empty()) {
-        auto iterations = detail::smallest_eigenvectors<Scalar>(systems[k], slot.form, *slot.solver, outcome.z, own);
-        if (!iterations) {
-          outcome.error = iterations.error();
-          continue;
-        }
-        outcome.iterations = *iterations;
-      }
-      outcome.solve_seconds = solve.seconds();
+      outcome.residual = std::isnan(info.residual) ? 0 : info.residual;
     }
+    outcome.z = detail::widened(slot.form.expand(x));
+    if (!systems[k].unpinned.empty()) {
+      auto iterations = detail::smallest_eigenvectors<Scalar>(systems[k], slot.form, *slot.solver, outcome.z, own);
+      if (!iterations) {
+        outcome.error = iterations.error();
+        return;
+      }
+      outcome.iterations = *iterations;
+    }
+    outcome.seconds = solve.seconds();
   });
 
   std::vector<std::vector<Complex>> results;
   for (Outcome& outcome : outcomes) {
     if (outcome.error) return *outcome.error;
-    report_.factorization_seconds += outcome.factorization_seconds;
-    report_.solve_seconds += outcome.solve_seconds;
+    report_.solve_seconds += outcome.seconds;
     report_.residual = std::max(report_.residual, outcome.residual);
     report_.inverse_iterations = std::max(report_.inverse_iterations, outcome.iterations);
     results.push_back(std::move(outcome.z));
@@ -303,17 +318,28 @@ Expected<std::vector<Complex>> BasicFieldSolver<Scalar>::update(std::size_t k, s
 }
 
 template <class Scalar>
-Expected<std::vector<Complex>> BasicFieldSolver<Scalar>::solve_again(std::size_t k, std::span<const Complex> added_rhs,
-                                                                     Context& context) {
+Status BasicFieldSolver<Scalar>::improve(std::size_t k, std::span<const Complex> added_rhs, double tolerance,
+                                         std::vector<Complex>& z, Context& context) {
   if (context.cancelled()) return cancelled_error("field");
   const Stopwatch clock;
   Slot& slot = slots_[k];
-  std::vector<K> b = detail::free_part(slot.form, added_rhs), x(b.size());
-  for (std::size_t i = 0; i < b.size(); ++i) b[i] += slot.form.rhs()[i];
-  if (!b.empty())
-    if (const SolveInfo info = slot.solver->solve(b, x, context); !info.status.ok()) return info.status.error();
+  rhs_.assign(slot.form.rhs().begin(), slot.form.rhs().end());
+  unknowns_.resize(rhs_.size());
+  const auto for_each_free = [&](auto&& body) {
+    std::size_t unknown = 0;
+    for (Index f = 0; f < mesh_->face_count(); ++f)
+      if (!slot.form.is_fixed(f)) body(unknown++, static_cast<std::size_t>(f));
+  };
+  for_each_free([&](std::size_t i, std::size_t f) {
+    rhs_[i] += static_cast<K>(added_rhs[f]);
+    unknowns_[i] = static_cast<K>(z[f]);
+  });
+  if (!rhs_.empty())
+    if (const SolveInfo info = slot.solver->improve(rhs_, unknowns_, tolerance, context); !info.status.ok())
+      return info.status;
+  for_each_free([&](std::size_t i, std::size_t f) { z[f] = static_cast<Complex>(unknowns_[i]); });
   report_.solve_seconds += clock.seconds();
-  return detail::widened(slot.form.expand(x));
+  return {};
 }
 
 }  // namespace quadrig

@@ -280,9 +280,7 @@ class Remesher {
       first_vertex += n;
       first_quad += m;
       report.irregular += part.report.irregular;
-      for (auto member : {&StageSeconds::pieces, &StageSeconds::field, &StageSeconds::map, &StageSeconds::integers,
-                          &StageSeconds::extraction, &StageSeconds::polish})
-        report.seconds.*member += part.seconds.*member;
+      report.seconds += part.seconds;
       for (Warning& warning : part.warnings) report.warnings.push_back(std::move(warning));
       if (part.report.faces > largest) {
         largest = part.report.faces;

@@ -1,18 +1,21 @@
 // The choice of a backend for a pattern: direct while its factor fits, else iterative.
 #pragma once
 
+#include "quadrig/solver/mixed.hpp"
 #include "quadrig/solver/multigrid.hpp"
-#include "quadrig/solver/supernodal.hpp"
 
 namespace quadrig {
 
 struct AutomaticOptions {
   /// What the factor may take. The same on every machine unless the caller says otherwise, as the choice must be.
   double factor_bytes = 8e9;
+  /// Systems in double of at least so many unknowns are factored in single precision, which is quicker where a
+  /// factorization serves few right-hand sides.
+  Index mixed_from = std::numeric_limits<Index>::max();
 };
 
 /// Supernodal Cholesky, under the ordering that elimination_order chooses, where the pattern's factor stays within the
-/// limit; multigrid above it. `description()` tells which.
+/// limit, in mixed precision where the options say so; multigrid above it. `description()` tells which.
 template <SparseScalar K>
 class AutomaticSolver {
  public:
@@ -21,17 +24,26 @@ class AutomaticSolver {
   [[nodiscard]] static constexpr std::string_view name() { return "automatic"; }
   [[nodiscard]] std::string description() const {
     if (!analyzed_) return std::string(name());
-    return std::string(name()) + ": " + (iterative_ ? iterative_->description() : direct_.description());
+    return std::string(name()) + ": " + chosen(*this, [](const auto& solver) { return solver.description(); });
   }
   [[nodiscard]] std::span<const Index> elimination_order() const {
-    return analyzed_ && !iterative_ ? direct_.elimination_order() : std::span<const Index>();
+    if (!analyzed_ || iterative_) return {};
+    return mixed_ ? mixed_->elimination_order() : direct_.elimination_order();
   }
 
   Status analyze(const HermitianView<K>& A, std::span<const Index> order, Context& context) {
     analyzed_ = false;
     iterative_.reset();
-    if (Status status = direct_.analyze(A, order, context); !status.ok()) return status;
-    if (static_cast<double>(direct_.factor_nonzeros()) * sizeof(K) > options_.factor_bytes) {
+    mixed_.reset();
+    direct_ = SupernodalCholesky<K>();
+    if (sizeof(real_of<K>) > sizeof(float) && A.size >= options_.mixed_from) mixed_.emplace();
+    if (Status status = mixed_ ? mixed_->analyze(A, order, context) : direct_.analyze(A, order, context); !status.ok())
+      return status;
+    const double bytes = mixed_
+                             ? static_cast<double>(mixed_->factor_nonzeros()) * sizeof(typename MixedCholesky<K>::Rough)
+                             : static_cast<double>(direct_.factor_nonzeros()) * sizeof(K);
+    if (bytes > options_.factor_bytes) {
+      mixed_.reset();
       direct_ = SupernodalCholesky<K>();
       iterative_.emplace();
       if (Status status = iterative_->analyze(A, order, context); !status.ok()) return status;
@@ -40,21 +52,27 @@ class AutomaticSolver {
     return {};
   }
   Status factorize(const HermitianView<K>& A, Context& context) {
-    return iterative_ ? iterative_->factorize(A, context) : direct_.factorize(A, context);
+    return chosen(*this, [&](auto& solver) { return solver.factorize(A, context); });
   }
   SolveInfo solve(std::span<const K> b, std::span<K> x, Context& context) {
-    return iterative_ ? iterative_->solve(b, x, context) : direct_.solve(b, x, context);
+    return chosen(*this, [&](auto& solver) { return solver.solve(b, x, context); });
+  }
+  SolveInfo improve(std::span<const K> b, std::span<K> x, double tolerance, Context& context) {
+    return chosen(*this, [&](auto& solver) { return detail::improve<K>(solver, b, x, tolerance, context); });
   }
   SolveInfo solve_all(std::span<const K> b, std::span<K> x, Index count, Context& context) {
-    if (!iterative_) return direct_.solve_all(b, x, count, context);
-    return detail::solve_each<K>(b, x, count, false, context, [&](auto right, auto solution, Context& own) {
-      return iterative_->solve(right, solution, own);
-    });
+    return chosen(*this, [&](auto& solver) { return detail::solve_all<K>(solver, b, x, count, context); });
   }
 
  private:
+  template <class Self, class Body>
+  static auto chosen(Self& self, Body&& body) {
+    return self.iterative_ ? body(*self.iterative_) : self.mixed_ ? body(*self.mixed_) : body(self.direct_);
+  }
+
   AutomaticOptions options_;
   SupernodalCholesky<K> direct_;
+  std::optional<MixedCholesky<K>> mixed_;
   std::optional<MultigridCg<K>> iterative_;
   bool analyzed_ = false;
 };

@@ -58,6 +58,27 @@ SolveInfo solve_each(std::span<const K> b, std::span<K> x, Index count, bool par
   return all;
 }
 
+/// What AnySolver's functions of these names do with a backend that may lack them.
+template <class K, class S>
+SolveInfo solve_all(S& solver, std::span<const K> b, std::span<K> x, Index count, Context& context) {
+  if constexpr (requires {
+                  { solver.solve_all(b, x, count, context) } -> std::same_as<SolveInfo>;
+                })
+    return solver.solve_all(b, x, count, context);
+  else
+    return solve_each<K>(b, x, count, false, context,
+                         [&](auto right, auto solution, Context& own) { return solver.solve(right, solution, own); });
+}
+template <class K, class S>
+SolveInfo improve(S& solver, std::span<const K> b, std::span<K> x, double tolerance, Context& context) {
+  if constexpr (requires {
+                  { solver.improve(b, x, tolerance, context) } -> std::same_as<SolveInfo>;
+                })
+    return solver.improve(b, x, tolerance, context);
+  else
+    return solver.solve(b, x, context);
+}
+
 }  // namespace detail
 
 /// A backend of any type. Copies are deep where the backend can be copied, and then share nothing that a later call
@@ -82,6 +103,11 @@ class AnySolver {
   /// largest residual and number of iterations. \pre b and x hold `count` times as many numbers as there are unknowns
   SolveInfo solve_all(std::span<const K> b, std::span<K> x, Index count, Context& context) {
     return model_->solve_all(b, x, count, context);
+  }
+  /// From the x that is given until |A x − b| / |b| is within `tolerance`, by a backend that iterates and has a
+  /// function of this name; others solve as ever.
+  SolveInfo improve(std::span<const K> b, std::span<K> x, double tolerance, Context& context) {
+    return model_->improve(b, x, tolerance, context);
   }
 
   /// The order of the last analysis where the backend tells, by a function of this name, else empty.
@@ -111,6 +137,7 @@ class AnySolver {
     virtual Status factorize(const HermitianView<K>&, Context&) = 0;
     virtual SolveInfo solve(std::span<const K>, std::span<K>, Context&) = 0;
     virtual SolveInfo solve_all(std::span<const K>, std::span<K>, Index, Context&) = 0;
+    virtual SolveInfo improve(std::span<const K>, std::span<K>, double, Context&) = 0;
     [[nodiscard]] virtual std::span<const Index> elimination_order() const = 0;
     [[nodiscard]] virtual std::string description() const = 0;
     [[nodiscard]] virtual bool can_clone() const = 0;
@@ -128,14 +155,10 @@ class AnySolver {
       return solver.solve(b, x, context);
     }
     SolveInfo solve_all(std::span<const K> b, std::span<K> x, Index count, Context& context) override {
-      if constexpr (requires(S & s) {
-                      { s.solve_all(b, x, count, context) } -> std::same_as<SolveInfo>;
-                    })
-        return solver.solve_all(b, x, count, context);
-      else
-        return detail::solve_each<K>(b, x, count, false, context, [&](auto right, auto solution, Context& own) {
-          return solver.solve(right, solution, own);
-        });
+      return detail::solve_all<K>(solver, b, x, count, context);
+    }
+    SolveInfo improve(std::span<const K> b, std::span<K> x, double tolerance, Context& context) override {
+      return detail::improve<K>(solver, b, x, tolerance, context);
     }
     std::span<const Index> elimination_order() const override {
       if constexpr (requires(const S& s) {

@@ -6,7 +6,9 @@
 namespace quadrig {
 
 struct DissectionOptions {
-  Index leaf = 160;    ///< pieces of at most so many unknowns are ordered by minimum degree
+  /// Pieces of at most so many unknowns are ordered by minimum degree. 0: 160, and 3000 of more than 300,000, where it
+  /// saves a quarter of the time for a twentieth more fill.
+  Index leaf = 0;
   double slack = 0.2;  ///< a separator may lie anywhere within this share of the unknowns from the middle
 };
 
@@ -15,7 +17,8 @@ struct DissectionOptions {
 /// The same at any number of threads; any order once the context is cancelled. \pre a sound view; values are not read
 /// \cost O(n log n) on almost planar patterns of bounded degree; others are ordered too, only later. \fails never
 /// Source: George 1973; cuts as in Schild and Sommer, On balanced separators in road networks, 2015, with distances in
-/// the pattern for coordinates.
+/// the pattern for coordinates; leaves as in Pellegrini, Roman and Amestoy, Hybridizing nested dissection and halo
+/// approximate minimum degree, 2000.
 [[nodiscard]] std::vector<Index> nested_dissection(Index size, std::span<const Index> column_starts,
                                                    std::span<const Index> rows, const DissectionOptions& options,
                                                    Context& context);

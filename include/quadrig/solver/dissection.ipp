@@ -293,25 +293,36 @@ class Dissection {
     }
   }
 
-  // What has no separator: approximate minimum degree.
+  // Approximate minimum degree, the vertices outside among them for the fill that they see.
   static void order_by_degree(const DissectionPiece& piece, std::span<Index> out) {
-    Eigen::SparseMatrix<float, Eigen::ColMajor, Index> pattern(piece.size(), piece.size());
+    const Index n = piece.size(), all = n + piece.outside;
+    std::vector<std::pair<Index, Index>> outer;
     std::vector<Index> starts{0}, rows;
-    for (Index v = 0; v < piece.size(); ++v) {
+    for (Index v = 0; v < n; ++v) {
       rows.push_back(v);
-      for (const Index u : piece.around(v))
-        if (u < piece.size()) rows.push_back(u);
+      for (const Index u : piece.around(v)) {
+        rows.push_back(u);
+        if (u >= n) outer.emplace_back(u, v);
+      }
       std::sort(rows.begin() + starts.back(), rows.end());
       starts.push_back(static_cast<Index>(rows.size()));
     }
+    std::sort(outer.begin(), outer.end());
+    for (auto [each, u] = std::pair(outer.begin(), n); u < all; ++u) {
+      for (; each != outer.end() && each->first == u; ++each) rows.push_back(each->second);
+      rows.push_back(u);
+      starts.push_back(static_cast<Index>(rows.size()));
+    }
+    Eigen::SparseMatrix<float, Eigen::ColMajor, Index> pattern(all, all);
     pattern.resizeNonZeros(static_cast<Eigen::Index>(rows.size()));
     std::copy(starts.begin(), starts.end(), pattern.outerIndexPtr());
     std::copy(rows.begin(), rows.end(), pattern.innerIndexPtr());
     std::fill_n(pattern.valuePtr(), rows.size(), 1.0f);
     Eigen::PermutationMatrix<Eigen::Dynamic, Eigen::Dynamic, Index> elimination;
     Eigen::AMDOrdering<Index>()(pattern, elimination);
-    for (std::size_t k = 0; k < out.size(); ++k)
-      out[k] = piece.unknown[at(elimination.indices()[static_cast<Eigen::Index>(k)])];
+    std::size_t k = 0;
+    for (Eigen::Index i = 0; i < all; ++i)
+      if (const Index v = elimination.indices()[i]; v < n) out[k++] = piece.unknown[at(v)];
   }
 
   const DissectionOptions& options_;
@@ -322,8 +333,14 @@ class Dissection {
 // the clusters and then again, exactly, among the vertices of the clusters around it.
 class ClusteredDissection {
  public:
-  ClusteredDissection(const DissectionPiece& graph, const DissectionOptions& options, const Context& context)
-      : graph_(graph), context_(context), inner_(options, context), local_(at(graph.size()), first) {}
+  ClusteredDissection(const DissectionPiece& graph, const DissectionOptions& options, Index cluster_size,
+                      const Context& context)
+      : graph_(graph),
+        context_(context),
+        inner_(options, context),
+        cluster_size_(cluster_size),
+        least_vertices_(std::max(600, options.leaf)),
+        local_(at(graph.size()), first) {}
 
   void order(std::span<Index> out, unsigned threads) { dissect(clusters(), out, threads); }
 
@@ -338,7 +355,6 @@ class ClusteredDissection {
   };
 
   static constexpr Index separated = -1, first = -2, second = -3;  // what local_ says where it is no number
-  static constexpr Index cluster_size = 8, least_vertices = 600;
   static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
   // Grown from vertices in their order; what is left over joins a neighbour.
@@ -359,7 +375,7 @@ class ClusteredDissection {
       for (std::size_t k = 0; k < queue.size(); ++k)
         for (const Index u : graph_.around(queue[k])) {
           if (u >= n) continue;
-          if (cluster[at(u)] == no_index && queue.size() < at(cluster_size)) {
+          if (cluster[at(u)] == no_index && queue.size() < at(cluster_size_)) {
             cluster[at(u)] = count;
             queue.push_back(u);
           } else if (cluster[at(u)] != no_index && cluster[at(u)] != count) {
@@ -400,7 +416,7 @@ class ClusteredDissection {
       for (std::size_t k = 0; k < out.size(); ++k) out[k] = graph_.unknown[at(piece.members[k])];
       return;
     }
-    if (static_cast<Index>(piece.members.size()) <= least_vertices || count < 40) return finish(piece, out, threads);
+    if (static_cast<Index>(piece.members.size()) <= least_vertices_ || count < 40) return finish(piece, out, threads);
     std::vector<Index> part, visited;
     const Index parts = Dissection::components(piece.clusters, part, visited);
     if (parts > 1) {
@@ -537,6 +553,7 @@ class ClusteredDissection {
   const DissectionPiece& graph_;
   const Context& context_;
   Dissection inner_;
+  Index cluster_size_, least_vertices_;
   // Number of each vertex in what is being worked on, or what became of it. Pieces side by side touch no common entry:
   // between them lie vertices that are separated, and those are written before the pieces part.
   std::vector<Index> local_;
@@ -545,9 +562,14 @@ class ClusteredDissection {
 }  // namespace detail
 
 QUADRIG_INLINE std::vector<Index> nested_dissection(Index size, std::span<const Index> column_starts,
-                                                    std::span<const Index> rows, const DissectionOptions& options,
+                                                    std::span<const Index> rows, const DissectionOptions& given,
                                                     Context& context) {
   const auto n = static_cast<std::size_t>(size);
+  const bool large = size > 300'000;
+  DissectionOptions options = given;
+  if (options.leaf == 0) options.leaf = large ? 3000 : 160;
+  // Larger clusters cost less, and their cuts are straighter.
+  const Index cluster_size = large ? 16 : 8;
   // Both triangles without the diagonal.
   std::vector<Index> starts(n + 1, 0);
   const auto for_each_edge = [&](auto&& body) {
@@ -601,7 +623,7 @@ QUADRIG_INLINE std::vector<Index> nested_dissection(Index size, std::span<const 
   if (piece.size() < 3000)
     detail::Dissection(options, context).order(std::move(piece), out, context.thread_count());
   else
-    detail::ClusteredDissection(piece, options, context).order(out, context.thread_count());
+    detail::ClusteredDissection(piece, options, cluster_size, context).order(out, context.thread_count());
   return order;
 }
 

@@ -8,6 +8,12 @@
 
 namespace quadrig::detail {
 
+/// In single precision, which is for large systems, sums over more columns than this are cut into blocks of
+/// `front_deep`, which lie on few pages.
+template <class Real>
+inline constexpr Index front_large = sizeof(Real) == 4 ? 128 : std::numeric_limits<Index>::max();
+inline constexpr Index front_deep = 64;
+
 #if defined(__GNUC__)
 #define QUADRIG_FLATTEN __attribute__((always_inline)) inline
 
@@ -91,15 +97,27 @@ struct FrontTile {
       for (int c = 0; c < C; ++c) subtract_one(left + i, left_stride, right + c, depth, target + c * stride + i);
   }
 
-  /// Columns [0, count) of target from each one's diagonal on; of the first rows above it, too.
+  /// Columns [0, count) of target from each one's diagonal on; of the first rows above it, too. In blocks of
+  /// rows, and of a large depth, that stay in the caches.
   QUADRIG_FLATTEN static void trapezoid(const K* left, std::ptrdiff_t left_stride, Index depth, K* target,
                                         std::ptrdiff_t stride, Index rows, Index count) {
-    constexpr int wide = is_complex ? 2 : 4;
-    Index j = 0;
-    for (; j + wide <= count; j += wide)
-      columns<wide>(left + j, left_stride, rows - j, left + j, depth, target + j * stride + j, stride);
-    for (; j < count; ++j)
-      columns<1>(left + j, left_stride, rows - j, left + j, depth, target + j * stride + j, stride);
+    constexpr Index wide = is_complex ? 2 : 4, tall = 256;
+    const Index deep = depth > front_large<Real> ? front_deep : depth;
+    for (Index k = 0; k < depth; k += deep, left += deep * left_stride) {
+      const Index part = std::min(deep, depth - k);
+      for (Index top = 0; top < rows; top += tall) {
+        const Index bottom = std::min(rows, top + tall), last = std::min(count, bottom);
+        Index j = 0;
+        for (; j + wide <= last; j += wide) {
+          const Index i = std::max(j, top);
+          columns<wide>(left + i, left_stride, bottom - i, left + j, part, target + j * stride + i, stride);
+        }
+        for (; j < last; ++j) {
+          const Index i = std::max(j, top);
+          columns<1>(left + i, left_stride, bottom - i, left + j, part, target + j * stride + i, stride);
+        }
+      }
+    }
   }
 };
 
@@ -129,25 +147,35 @@ struct Front {
 
   static std::ptrdiff_t offset(Index column, Index stride) { return static_cast<std::ptrdiff_t>(column) * stride; }
 
-  /// LLᴴ of the panel: its upper part factored, the rows below solved for. `accept(column, pivot)` says whether to go
-  /// on. Returns the column that was not accepted, or no_index.
+  /// LLᴴ of the panel: its upper part factored, the rows below solved for; numbers below `negligible` become 0.
+  /// `accept(column, pivot)` says whether to go on. Returns the column that was not accepted, or no_index.
   template <class Accept>
-  static Index factorize(K* panel, Index width, Index height, Accept&& accept, const Context* context) {
-    for (Index begin = 0; begin < width; begin += panel_block) {
-      const Index end = std::min(width, begin + panel_block);
-      for (Index j = begin; j < end; ++j) {
-        K* const column = panel + offset(j, height);
-        if (j > begin)
-          trapezoid(panel + offset(begin, height) + j, height, j - begin, column + j, height, height - j, 1);
-        const Real pivot = std::real(column[j]);
-        if (!accept(j, pivot)) return j;
-        const Real root = std::sqrt(pivot), inverse = 1 / root;
-        column[j] = K(root);
-        for (Index i = j + 1; i < height; ++i) column[i] *= inverse;
+  static Index factorize(K* panel, Index width, Index height, Real negligible, Accept&& accept,
+                         const Context* context) {
+    const Index outer_block = width > front_large<Real> ? front_deep : width;
+    for (Index first = 0; first < width; first += outer_block) {
+      const Index last = std::min(width, first + outer_block);
+      for (Index begin = first; begin < last; begin += panel_block) {
+        const Index end = std::min(last, begin + panel_block);
+        for (Index j = begin; j < end; ++j) {
+          K* const column = panel + offset(j, height);
+          if (j > begin)
+            trapezoid(panel + offset(begin, height) + j, height, j - begin, column + j, height, height - j, 1);
+          const Real pivot = std::real(column[j]);
+          if (!accept(j, pivot)) return j;
+          const Real root = std::sqrt(pivot), inverse = 1 / root;
+          column[j] = K(root);
+          for (Index i = j + 1; i < height; ++i) column[i] *= inverse;
+          if (negligible > 0)
+            clear(reinterpret_cast<Real*>(column + j + 1), reinterpret_cast<Real*>(column + height), negligible);
+        }
+        if (end < last)
+          subtract_product(panel + offset(begin, height) + end, end - begin, height, panel + offset(end, height) + end,
+                           height, height - end, last - end, context);
       }
-      if (end < width)
-        subtract_product(panel + offset(begin, height) + end, end - begin, height, panel + offset(end, height) + end,
-                         height, height - end, width - end, context);
+      if (last < width)
+        subtract_product(panel + offset(first, height) + last, last - first, height,
+                         panel + offset(last, height) + last, height, height - last, width - last, context);
     }
     return no_index;
   }
@@ -170,6 +198,10 @@ struct Front {
   }
 
  private:
+  static void clear(Real* begin, Real* end, Real negligible) {
+    for (; begin != end; ++begin) *begin = std::abs(*begin) < negligible ? Real(0) : *begin;
+  }
+
   static void trapezoid(const K* left, Index left_stride, Index depth, K* target, Index stride, Index rows,
                         Index count) {
 #if defined(__GNUC__)

@@ -68,15 +68,21 @@ class MultigridCg {
     return {};
   }
 
-  /// From x = 0. \fails numeric where a direction of no curvature shows that the matrix is not positive definite, or
+  /// \fails numeric where a direction of no curvature shows that the matrix is not positive definite, or
   /// where the iteration does not end; cancelled.
   SolveInfo solve(std::span<const K> b, std::span<K> x, Context& context) {
+    std::fill(x.begin(), x.end(), K{});
+    return improve(b, x, options_.tolerance, context);
+  }
+
+  /// From the x that is given, until |A x − b| / |b| is within `tolerance`.
+  SolveInfo improve(std::span<const K> b, std::span<K> x, double tolerance, Context& context) {
     if (!ready_)
       return {.status = Error{ErrorCode::numeric, "solve without a successful factorization", "solver multigrid", {}}};
     if constexpr (!std::is_same_v<K, Rough>) {
       if (!exact_) {
         constexpr Index patience = 100;
-        SolveInfo info = iterate(rough_, b, x, std::min(patience, options_.max_iterations), context);
+        SolveInfo info = iterate(rough_, b, x, tolerance, std::min(patience, options_.max_iterations), context);
         if (info.status.ok() || info.status.error().code != ErrorCode::numeric || definite_failure_) return info;
         exact_.emplace();
         if (Status status = exact_->build(matrix_.rows(), options_.coarsest, rough_.kept(), context); !status.ok()) {
@@ -84,9 +90,9 @@ class MultigridCg {
           return {.status = status};
         }
       }
-      return iterate(*exact_, b, x, options_.max_iterations, context);
+      return iterate(*exact_, b, x, tolerance, options_.max_iterations, context);
     } else {
-      return iterate(rough_, b, x, options_.max_iterations, context);
+      return iterate(rough_, b, x, tolerance, options_.max_iterations, context);
     }
   }
 
@@ -102,7 +108,8 @@ class MultigridCg {
   using Exact = detail::MultigridLevels<K, K>;
 
   template <class Levels, class L = std::conditional_t<std::is_same_v<Levels, Exact>, K, Rough>>
-  SolveInfo iterate(Levels& levels, std::span<const K> b, std::span<K> x, Index limit, Context& context) {
+  SolveInfo iterate(Levels& levels, std::span<const K> b, std::span<K> x, double tolerance, Index limit,
+                    Context& context) {
     definite_failure_ = false;
     const auto fail = [&](std::string what, std::string remedy, bool definite) {
       definite_failure_ = definite;
@@ -113,11 +120,12 @@ class MultigridCg {
     };
     const std::size_t n = x.size();
     const std::vector<Index>& order = rough_.order();
-    std::vector<K> right_hand(n), solution(n), q(n);
-    for (std::size_t i = 0; i < n; ++i) right_hand[i] = b[detail::to_size(order[i])];
-    std::vector<K> r = right_hand;
+    std::vector<K> right_hand(n), solution(n), q(n), r(n);
+    for (std::size_t i = 0; i < n; ++i) {
+      right_hand[i] = b[detail::to_size(order[i])];
+      solution[i] = x[detail::to_size(order[i])];
+    }
     std::vector<L> right(n), z(n), p(n);  // r over its size, what the levels make of it, the direction
-    std::fill(x.begin(), x.end(), K{});
     const auto square = [&](std::span<const K> v) {
       return matrix_.sum_of_blocks(context, [&](std::size_t, std::size_t begin, std::size_t end) {
         double sum = 0;
@@ -125,18 +133,24 @@ class MultigridCg {
         return sum;
       });
     };
-    const double tolerance = std::max(options_.tolerance, 16.0 * std::numeric_limits<Real>::epsilon());
-    const double scale = std::sqrt(square(r));
+    tolerance = std::max(tolerance, 16.0 * std::numeric_limits<Real>::epsilon());
+    const double scale = std::sqrt(square(right_hand));
     if (!std::isfinite(scale)) return fail("the right-hand side is not finite", "check the right-hand side", true);
     SolveInfo info;
     info.residual = 0;
-    if (scale == 0) return info;
+    if (scale == 0) {
+      std::fill(x.begin(), x.end(), K{});
+      return info;
+    }
+    matrix_.residual(right_hand, solution, r, context);
+    double size = std::sqrt(square(r));
+    if (!std::isfinite(size)) return fail("what it begins from is not finite", "begin from 0", true);
     const auto rough = [&](std::size_t i, double factor) {
       right[i] = static_cast<L>(static_cast<Real>(factor) * r[i]);
     };
-    for (std::size_t i = 0; i < n; ++i) rough(i, 1 / scale);
-    double size = scale, unit = scale, rho = 0;  // r is `unit` times `right`; so are the direction and its product
-    for (double before = scale; size > tolerance * scale; ++info.iterations) {
+    for (std::size_t i = 0; i < n && size > 0; ++i) rough(i, 1 / size);
+    double unit = size, rho = 0;  // r is `unit` times `right`; so are the direction and its product
+    for (double before = size; size > tolerance * scale; ++info.iterations) {
       if (info.iterations >= limit)
         return fail(
             "no convergence after " + std::to_string(limit) + " iterations, residual " + std::to_string(size / scale),

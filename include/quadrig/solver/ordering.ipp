@@ -40,7 +40,7 @@ QUADRIG_INLINE EliminationOrder elimination_order(Index size, std::span<const In
     if (ordering == Ordering::minimum_degree || best.multiplications < worth_dissection * size) return best;
   }
   EliminationOrder dissected{nested_dissection(size, column_starts, rows, {}, context), Ordering::nested_dissection, 0};
-  if (context.cancelled()) return dissected;
+  if ((dissect && ordering == Ordering::automatic) || context.cancelled()) return dissected;
   dissected.multiplications = work(dissected.unknowns);
   return !dissect && best.multiplications < dissected.multiplications ? best : dissected;
 }

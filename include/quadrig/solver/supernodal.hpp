@@ -9,7 +9,7 @@
 #include "quadrig/solver/backend.hpp"
 #include "quadrig/solver/front.hpp"
 #include "quadrig/solver/ordering.hpp"
-#include "quadrig/solver/symbolic.hpp"
+#include "quadrig/solver/substitution.hpp"
 
 namespace quadrig {
 
@@ -22,8 +22,10 @@ class SupernodalCholesky {
  public:
   using Real = real_of<K>;
 
-  /// `ordering` is what `analyze` uses where it is given no order.
-  explicit SupernodalCholesky(Ordering ordering = Ordering::automatic) : ordering_(ordering) {}
+  /// `ordering` is what `analyze` uses where it is given no order. Entries of the factor below `negligible` count as 0:
+  /// subnormal numbers take a processor a hundred times as long, and in single precision a factor is full of them.
+  explicit SupernodalCholesky(Ordering ordering = Ordering::automatic, Real negligible = 0)
+      : ordering_(ordering), negligible_(negligible) {}
 
   [[nodiscard]] static constexpr std::string_view name() { return "supernodal"; }
 
@@ -120,8 +122,7 @@ class SupernodalCholesky {
     substitute(b, x, &context);
     if (context.cancelled()) return {.status = cancelled_error("solver supernodal")};
     SolveInfo info;
-    const HermitianView<K> A{static_cast<Index>(b.size()), analysis_->column_starts, analysis_->rows, values_};
-    info.residual = static_cast<double>(relative_residual<K>(A, x, b));
+    info.residual = static_cast<double>(relative_residual<K>(matrix(), x, b));
     if (!std::isfinite(info.residual))
       info.status =
           Error{ErrorCode::numeric, "the solution is not finite", "solver supernodal", "check the right-hand side"};
@@ -137,15 +138,22 @@ class SupernodalCholesky {
   /// A solve that measures nothing. x is of no use once the context is cancelled. \pre factorize succeeded
   void substitute(std::span<const K> b, std::span<K> x, const Context* context = nullptr) const {
     assert(factorized_ && b.size() == analysis_->unknown.size() && x.size() == b.size());
-    const detail::SymbolicFactor& symbolic = analysis_->symbolic;
-    std::vector<K> y(b.size()), gathered;
+    std::vector<K> y(b.size());
     for (std::size_t k = 0; k < y.size(); ++k) y[k] = b[at(analysis_->unknown[k])];
-    const auto stopped = [&](Index s) { return s % 256 == 0 && context && context->cancelled(); };
-    for (Index s = 0; s < symbolic.supernode_count() && !stopped(s); ++s) forward(s, y, gathered);
-    for (Index s = symbolic.supernode_count(); s-- > 0 && !stopped(s);) backward(s, y, gathered);
+    substitute_ordered(y, context);
     for (std::size_t k = 0; k < y.size(); ++k) x[at(analysis_->unknown[k])] = y[k];
   }
+  /// The same in place, the unknowns as they are eliminated. \pre factorize succeeded
+  void substitute_ordered(std::span<K> y, const Context* context = nullptr) const {
+    assert(factorized_ && y.size() == analysis_->unknown.size());
+    const detail::SymbolicFactor& symbolic = analysis_->symbolic;
+    detail::substitute(symbolic, panels_.data(), y.data(), context);
+  }
 
+  /// The matrix of the last factorize. \pre analyze succeeded
+  [[nodiscard]] HermitianView<K> matrix() const {
+    return {static_cast<Index>(analysis_->unknown.size()), analysis_->column_starts, analysis_->rows, values_};
+  }
   /// Entries stored for the factor, zeros of merged supernodes among them. \pre analyze succeeded
   [[nodiscard]] std::size_t factor_nonzeros() const { return analysis_ ? analysis_->symbolic.entries() : 0; }
   /// The unknowns as they are eliminated; empty before analyze.
@@ -285,7 +293,7 @@ class SupernodalCholesky {
       run.fail(first + j, pivot);
       return false;
     };
-    if (detail::Front<K>::factorize(panel, width, height, accept, context) != no_index) return false;
+    if (detail::Front<K>::factorize(panel, width, height, negligible_, accept, context) != no_index) return false;
     // Some blocks of columns at a time, to ask between them.
     const double block_work = static_cast<double>(detail::Front<K>::thread_block) * width * below;
     const double blocks = std::max(1.0, std::floor(3e7 / block_work)) * (context ? context->thread_count() : 1);
@@ -299,91 +307,8 @@ class SupernodalCholesky {
     return true;
   }
 
-  void forward(Index s, std::vector<K>& y, std::vector<K>& gathered) const {
-    const detail::SymbolicFactor& symbolic = analysis_->symbolic;
-    const Index width = symbolic.width(s), below = symbolic.below(s), height = width + below;
-    const K* const column = panels_.data() + symbolic.panel[at(s)];
-    K* const own = y.data() + symbolic.first[at(s)];
-    const Index* const row = symbolic.rows.data() + symbolic.rows_start[at(s)];
-    for (Index j = 0; j < width; ++j) {
-      own[j] /= std::real(column[offset(j, height) + j]);
-      axpy(own + j + 1, column + offset(j, height) + j + 1, own[j], width - j - 1);
-    }
-    gathered.assign(at(below), K{});
-    Index j = 0;
-    for (; j + 2 <= width; j += 2)
-      axpy(gathered.data(), column + offset(j, height) + width, own[j], column + offset(j + 1, height) + width,
-           own[j + 1], below);
-    if (j < width) axpy(gathered.data(), column + offset(j, height) + width, own[j], below);
-    for (Index i = 0; i < below; ++i) y[at(row[i])] += gathered[at(i)];
-  }
-
-  void backward(Index s, std::vector<K>& y, std::vector<K>& gathered) const {
-    const detail::SymbolicFactor& symbolic = analysis_->symbolic;
-    const Index width = symbolic.width(s), below = symbolic.below(s), height = width + below;
-    K* const own = y.data() + symbolic.first[at(s)];
-    const Index* const row = symbolic.rows.data() + symbolic.rows_start[at(s)];
-    gathered.resize(at(below));
-    for (Index i = 0; i < below; ++i) gathered[at(i)] = y[at(row[i])];
-    for (Index j = width; j-- > 0;) {
-      const K* const column = panels_.data() + symbolic.panel[at(s)] + static_cast<std::ptrdiff_t>(j) * height;
-      const K sum = dot(column + j + 1, own + j + 1, width - j - 1) + dot(column + width, gathered.data(), below);
-      own[j] = (own[j] - sum) / std::real(column[j]);
-    }
-  }
-
-  static std::ptrdiff_t offset(Index column, Index stride) { return static_cast<std::ptrdiff_t>(column) * stride; }
-
-  // y −= factor x + other z
-  static void axpy(K* y, const K* x, K factor, const K* z, K other, Index size) {
-    if constexpr (std::is_same_v<K, Real>) {
-      for (Index i = 0; i < size; ++i) y[i] -= factor * x[i] + other * z[i];
-    } else {
-      const Real a = factor.real(), b = factor.imag(), c = other.real(), d = other.imag();
-      for (Index i = 0; i < size; ++i)
-        y[i] = K(y[i].real() - ((x[i].real() * a - x[i].imag() * b) + (z[i].real() * c - z[i].imag() * d)),
-                 y[i].imag() - ((x[i].real() * b + x[i].imag() * a) + (z[i].real() * d + z[i].imag() * c)));
-    }
-  }
-  // y −= factor x
-  static void axpy(K* y, const K* x, K factor, Index size) {
-    if constexpr (std::is_same_v<K, Real>) {
-      for (Index i = 0; i < size; ++i) y[i] -= factor * x[i];
-    } else {
-      const Real a = factor.real(), b = factor.imag();
-      Real* const to = reinterpret_cast<Real*>(y);
-      const Real* const from = reinterpret_cast<const Real*>(x);
-      for (Index i = 0; i < 2 * size; i += 2) {
-        const Real re = from[i], im = from[i + 1];
-        to[i] -= re * a - im * b;
-        to[i + 1] -= re * b + im * a;
-      }
-    }
-  }
-  // Σ x̄ y, in a few sums side by side
-  static K dot(const K* x, const K* y, Index size) {
-    constexpr Index lanes = 4;
-    std::array<Real, lanes> re{}, im{};
-    const auto add = [&](std::size_t lane, Index i) {
-      if constexpr (std::is_same_v<K, Real>) {
-        re[lane] += x[i] * y[i];
-      } else {
-        re[lane] += x[i].real() * y[i].real() + x[i].imag() * y[i].imag();
-        im[lane] += x[i].real() * y[i].imag() - x[i].imag() * y[i].real();
-      }
-    };
-    Index i = 0;
-    for (; i + lanes <= size; i += lanes)
-      for (Index lane = 0; lane < lanes; ++lane) add(at(lane), i + lane);
-    for (; i < size; ++i) add(0, i);
-    const Real total_re = (re[0] + re[1]) + (re[2] + re[3]);
-    if constexpr (std::is_same_v<K, Real>)
-      return total_re;
-    else
-      return K(total_re, (im[0] + im[1]) + (im[2] + im[3]));
-  }
-
   Ordering ordering_;
+  Real negligible_;
   std::shared_ptr<const Analysis> analysis_;
   std::vector<K> values_;  // of the last factorization, for residuals
   std::vector<K> panels_;
