@@ -178,13 +178,16 @@ Expected<Index> smallest_eigenvectors(const BasicFieldSystem<Scalar>& system,
   normalize(iterate);
   std::vector<Complex> right(z.size());
   std::vector<K> x(form.rhs().size());
+  double moved = 1;  // mean square, of the component that moved most
   Index iteration = 0;
   for (constexpr Index limit = 100; iteration < limit; ++iteration) {
     if (context.cancelled()) return cancelled_error("field");
     for (std::size_t f = 0; f < z.size(); ++f)
       right[f] = system.unpinned[f] == no_index ? Complex{} : system.mass[f] * iterate[f];
     const std::vector<K> b = free_part(form, right);
-    if (const SolveInfo info = solver.solve(b, x, context); !info.status.ok()) return info.status.error();
+    // From the last x, to a hundredth of what the last step moved.
+    const double tolerance = std::max(1e-10, 1e-2 * std::sqrt(moved));
+    if (const SolveInfo info = solver.improve(b, x, tolerance, context); !info.status.ok()) return info.status.error();
     std::vector<Complex> next = widened(form.expand(x));
     for (std::size_t f = 0; f < z.size(); ++f)
       if (system.unpinned[f] == no_index) next[f] = 0;
@@ -194,9 +197,9 @@ Expected<Index> smallest_eigenvectors(const BasicFieldSystem<Scalar>& system,
       if (system.unpinned[f] != no_index)
         change[static_cast<std::size_t>(system.unpinned[f])] += system.mass[f] * std::norm(next[f] - iterate[f]);
     iterate = std::move(next);
-    bool settled = true;
-    for (std::size_t c = 0; c < change.size(); ++c) settled = settled && change[c] <= settled_change * mass[c];
-    if (settled) break;
+    moved = 0;
+    for (std::size_t c = 0; c < change.size(); ++c) moved = std::max(moved, change[c] / mass[c]);
+    if (moved <= settled_change) break;
   }
   for (std::size_t f = 0; f < z.size(); ++f)
     if (system.unpinned[f] != no_index) z[f] = iterate[f];

@@ -8,8 +8,8 @@
 
 namespace quadrig::detail {
 
-/// In single precision, which is for large systems, sums over more columns than this are cut into blocks of
-/// `front_deep`, which lie on few pages.
+/// Sums over more columns than this are cut into blocks of `front_deep`, which lie on few pages: in single precision,
+/// which is for large systems. In double it would change the last bits of every map, small ones too.
 template <class Real>
 inline constexpr Index front_large = sizeof(Real) == 4 ? 128 : std::numeric_limits<Index>::max();
 inline constexpr Index front_deep = 64;
