@@ -6,6 +6,7 @@
 #include "quadrig/field/power.ipp"
 #include "quadrig/field/systems.ipp"
 #include "quadrig/solver/dissection.ipp"
+#include "quadrig/solver/minimum_degree.ipp"
 #include "quadrig/solver/ordering.ipp"
 
 namespace quadrig {

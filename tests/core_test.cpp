@@ -30,6 +30,25 @@ TEST_CASE("core: function_ref calls what it borrows when the target keeps state"
   CHECK(calls == 5);
 }
 
+TEST_CASE("context: sums have the same bits at any number of threads", "[context][fast]") {
+  double first = 0;
+  for (const std::size_t n : {std::size_t{0}, std::size_t{5}, std::size_t{40961}})
+    for (const unsigned threads : {1u, 2u, 5u}) {
+      Context context;
+      context.threads = threads;
+      const double sum = context.parallel_sum(n, [](std::size_t begin, std::size_t end) {
+        double part = 0;
+        for (std::size_t i = begin; i < end; ++i) part += 1.0 / (1.0 + static_cast<double>(i));
+        return part;
+      });
+      if (threads == 1) first = sum;
+      CHECK(sum == first);
+      double exact = 0;
+      for (std::size_t i = 0; i < n; ++i) exact += 1.0 / (1.0 + static_cast<double>(i));
+      CHECK(std::abs(sum - exact) < 1e-12);
+    }
+}
+
 TEST_CASE("context: parallel_for covers every index once at any number of threads", "[context][fast]") {
   for (const unsigned threads : {1u, 2u, 3u, 16u}) {
     Context context;

@@ -525,6 +525,89 @@ TEMPLATE_TEST_CASE("solver: our own give the same bits at any number of threads"
     }
 }
 
+TEMPLATE_TEST_CASE("solver: subtrees side by side find the solution, with the same bits at any number of threads",
+                   "[solver]", float, double, std::complex<float>, std::complex<double>) {
+  using K = TestType;
+  using Real = real_of<K>;
+  for (const Index along : {1, 7, 60, 200}) {  // one front, a few, and more than are shared out at a time
+    const Strip<K> strip(60, along);
+    const auto A = strip.form.matrix();
+    const auto b = strip.form.rhs();
+    std::vector<K> in_a_row(b.size()), first;
+    Context context;
+    context.threads = 1;
+    SupernodalCholesky<K> direct;
+    REQUIRE(direct.analyze(A, {}, context).ok());
+    REQUIRE(direct.factorize(A, context).ok());
+    direct.substitute(b, in_a_row, &context);
+    for (const unsigned threads : {1u, 2u, 3u, 7u}) {
+      INFO(along << " along, " << threads << " threads");
+      context.threads = threads;
+      SupernodalCholesky<K> by_tree(Ordering::automatic, 0, 0);
+      REQUIRE(by_tree.analyze(A, {}, context).ok());
+      REQUIRE(by_tree.factorize(A, context).ok());
+      std::vector<K> x(b.size());
+      by_tree.substitute(b, x, &context);
+      if (threads == 1) first = x;
+      CHECK((x == first));
+      CHECK(relative_residual<K>(A, x, b) < 1000 * std::numeric_limits<Real>::epsilon());
+      double worst = 0, largest = 0;
+      for (std::size_t i = 0; i < x.size(); ++i) {
+        worst = std::max(worst, static_cast<double>(std::abs(x[i] - in_a_row[i])));
+        largest = std::max(largest, static_cast<double>(std::abs(x[i])));
+      }
+      CHECK(worst < 1000 * static_cast<double>(std::numeric_limits<Real>::epsilon()) * largest);
+    }
+    std::vector<K> alone(b.size());
+    SupernodalCholesky<K> by_tree(Ordering::automatic, 0, 0);
+    REQUIRE(by_tree.analyze(A, {}, context).ok());
+    REQUIRE(by_tree.factorize(A, context).ok());
+    by_tree.substitute(b, alone);
+    CHECK((alone == first));
+  }
+}
+
+TEST_CASE("solver: of several pivots that fail the first is named, at any number of threads", "[solver]") {
+  const Strip<double> strip(60, 200);
+  const auto A = strip.form.matrix();
+  HermitianMatrix<double> broken{A.size,
+                                 {A.column_starts.begin(), A.column_starts.end()},
+                                 {A.rows.begin(), A.rows.end()},
+                                 {A.values.begin(), A.values.end()}};
+  for (Index j = 100; j < A.size; j += 997) broken.values[at(A.column_starts[at(j)])] = -1;
+  std::string first;
+  for (const unsigned threads : {1u, 2u, 3u, 7u}) {
+    Context context;
+    context.threads = threads;
+    SupernodalCholesky<double> solver;
+    REQUIRE(solver.analyze(A, {}, context).ok());
+    const Status status = solver.factorize(broken.view(), context);
+    REQUIRE(!status.ok());
+    CHECK(status.error().code == ErrorCode::numeric);
+    if (threads == 1) first = status.error().message();
+    CHECK(status.error().message() == first);
+  }
+}
+
+TEST_CASE("solver: rows in the order of elimination are those of the matrix", "[solver]") {
+  const Strip<Complex> strip(9, 11);
+  const auto A = strip.form.matrix();
+  std::vector<Index> order(at(A.size));
+  for (Index k = 0; k < A.size; ++k) order[at(k)] = (k * 67 + 5) % A.size;
+  Context context;
+  detail::OrderedRows<Complex> rows;
+  rows.analyze(A, order);
+  rows.fill(A.values, context);
+  std::vector<Complex> x(order.size()), ordered(x.size()), product(x.size());
+  for (std::size_t i = 0; i < x.size(); ++i)
+    x[i] = Complex(1.0 + static_cast<double>(i % 7), static_cast<double>(i % 5));
+  for (std::size_t k = 0; k < x.size(); ++k) ordered[k] = x[at(order[k])];
+  multiply<Complex>(A, x, product);
+  for (std::size_t k = 0; k < x.size(); ++k)
+    CHECK(std::abs(rows.row_times(k, ordered) - product[at(order[k])]) < 1e-12);
+  CHECK(std::ranges::equal(rows.given_values(), A.values));
+}
+
 TEMPLATE_TEST_CASE("solver: several right-hand sides at once have the bits of one by one, at any number of threads",
                    "[solver]", double, std::complex<float>) {
   using K = TestType;

@@ -60,14 +60,19 @@ class Connection {
 };
 
 /// Per vertex 2π (on the boundary π) minus the sum of the corner angles, radians. Zero for a vertex without faces.
-/// Gauss–Bonnet: the sum over the surface is 2π times its Euler characteristic.
+/// Gauss–Bonnet: the sum over the surface is 2π times its Euler characteristic. Threads: those of the context.
 template <class Scalar>
-[[nodiscard]] Eigen::Matrix<Scalar, Eigen::Dynamic, 1> angle_defects(const TriangleMesh<Scalar>& mesh) {
+[[nodiscard]] Eigen::Matrix<Scalar, Eigen::Dynamic, 1> angle_defects(const TriangleMesh<Scalar>& mesh,
+                                                                     const Context* context = nullptr) {
   constexpr Scalar pi = Scalar(3.14159265358979323846L);
   Eigen::Matrix<Scalar, Eigen::Dynamic, 1> defect(mesh.vertex_count());
   for (Index v = 0; v < mesh.vertex_count(); ++v)
     defect[v] = mesh.outgoing(v) == no_index ? Scalar(0) : mesh.on_boundary(v) ? pi : 2 * pi;
-  for (Index h = 0; h < mesh.halfedge_count(); ++h) defect[mesh.origin(h)] -= mesh.corner_angle(h);
+  std::vector<Scalar> angle(static_cast<std::size_t>(mesh.halfedge_count()));
+  parallel_for(context, angle.size(), [&](std::size_t begin, std::size_t end) {
+    for (std::size_t h = begin; h < end; ++h) angle[h] = mesh.corner_angle(static_cast<Index>(h));
+  });
+  for (std::size_t h = 0; h < angle.size(); ++h) defect[mesh.origin(static_cast<Index>(h))] -= angle[h];
   return defect;
 }
 

@@ -68,7 +68,29 @@ class Context {
       workers.emplace_back([&body, n, part, parts] { body(n * part / parts, n * (part + 1) / parts); });
     body(std::size_t{0}, n / parts);
   }
+  /// The sum of what body(begin, end) returns for runs of 4096 that cover [0, n), in their order: the bits do not
+  /// depend on the number of threads. `sum`: what it begins from.
+  template <class Sum = double, class Body>
+  [[nodiscard]] Sum parallel_sum(std::size_t n, Body&& body, Sum sum = {}) const {
+    constexpr std::size_t run = 4096;
+    std::vector<Sum> parts((n + run - 1) / run, sum);
+    parallel_for(parts.size(), 4, [&](std::size_t first, std::size_t last) {
+      for (std::size_t k = first; k < last; ++k) parts[k] = body(k * run, std::min(n, (k + 1) * run));
+    });
+    for (const Sum& each : parts) sum += each;
+    return sum;
+  }
 };
+
+/// The same in ranges of thousands; without a context in one thread, as functions are that are given none.
+template <class Body>
+void parallel_for(const Context* context, std::size_t n, Body&& body) {
+  constexpr std::size_t grain = 16384;
+  if (context)
+    context->parallel_for(n, grain, body);
+  else
+    body(std::size_t{0}, n);
+}
 
 inline Error cancelled_error(std::string_view stage) {
   return {ErrorCode::cancelled, "cancelled by the caller", std::string(stage), {}};

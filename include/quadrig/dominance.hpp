@@ -18,7 +18,7 @@ struct BoneShare {
 class Dominance {
  public:
   /// \pre weights have one row a vertex
-  /// \cost O(stored weights) time and memory. Source: thesis 4.1.
+  /// Threads: those of the context. \cost O(stored weights) time and memory. Source: thesis 4.1.
   /// \fails bad_input where the weights have another number of rows than the mesh has vertices, or of columns than the
   ///   skeleton has bones; cancelled, where there is a context to ask.
   template <class Scalar>
@@ -53,7 +53,6 @@ class Dominance {
 
 template <class Scalar>
 Expected<Dominance> Dominance::create(const TriangleMesh<Scalar>& mesh, const Rig& rig, const Context* context) {
-  const auto cancelled = [&](Index i) { return i % 16'384 == 0 && context && context->cancelled(); };
   const SkinWeights& weights = rig.weights;
   if (weights.rows() != mesh.vertex_count())
     return Error{
@@ -66,53 +65,85 @@ Expected<Dominance> Dominance::create(const TriangleMesh<Scalar>& mesh, const Ri
                      std::to_string(rig.skeleton.bone_count()) + " bones",
                  "skin weights", "give one column of weights a bone"};
 
+  // Faces in runs, each run's shares in a list of its own until all are known.
+  constexpr std::size_t run = 16'384;
+  const auto m = static_cast<std::size_t>(mesh.face_count()), n = static_cast<std::size_t>(mesh.vertex_count());
+  const auto each_run = [&](std::size_t count, auto&& body) {  // body(run, begin, end)
+    const auto bodies = [&](std::size_t first, std::size_t last) {
+      for (std::size_t r = first; r < last; ++r)
+        if (!context || !context->cancelled()) body(r, r * run, std::min(count, (r + 1) * run));
+    };
+    if (context)
+      context->parallel_for((count + run - 1) / run, 1, bodies);
+    else
+      bodies(0, (count + run - 1) / run);
+  };
   Dominance result;
-  result.starts_.reserve(static_cast<std::size_t>(mesh.face_count()) + 1);
-  std::vector<double> sum(static_cast<std::size_t>(weights.cols()), 0.0);
-  std::vector<Index> touched;
-  for (Index f = 0; f < mesh.face_count(); ++f) {
-    if (cancelled(f)) return cancelled_error("dominance");
-    for (int corner = 0; corner < 3; ++corner)
-      for (SkinWeights::InnerIterator entry(weights, mesh.faces()(f, corner)); entry; ++entry) {
-        if (!(entry.value() > 0)) continue;
-        if (sum[static_cast<std::size_t>(entry.col())] == 0) touched.push_back(static_cast<Index>(entry.col()));
-        sum[static_cast<std::size_t>(entry.col())] += entry.value();
+  result.starts_.assign(m + 1, 0);
+  std::vector<std::vector<BoneShare>> of_run((m + run - 1) / run);
+  each_run(m, [&](std::size_t r, std::size_t begin, std::size_t end) {
+    std::vector<double> sum(static_cast<std::size_t>(weights.cols()), 0.0);
+    std::vector<Index> touched;
+    std::vector<BoneShare>& shares = of_run[r];
+    std::size_t most = 0;
+    for (std::size_t f = begin; f < end; ++f)
+      for (int corner = 0; corner < 3; ++corner) {
+        const Index v = mesh.faces()(static_cast<Index>(f), corner);
+        most += static_cast<std::size_t>(weights.outerIndexPtr()[v + 1] - weights.outerIndexPtr()[v]);
       }
-    for (const Index bone : touched) {
-      result.shares_.push_back({bone, sum[static_cast<std::size_t>(bone)] / 3});
-      sum[static_cast<std::size_t>(bone)] = 0;
+    shares.reserve(most);
+    for (std::size_t f = begin; f < end; ++f) {
+      for (int corner = 0; corner < 3; ++corner)
+        for (SkinWeights::InnerIterator entry(weights, mesh.faces()(static_cast<Index>(f), corner)); entry; ++entry) {
+          if (!(entry.value() > 0)) continue;
+          if (sum[static_cast<std::size_t>(entry.col())] == 0) touched.push_back(static_cast<Index>(entry.col()));
+          sum[static_cast<std::size_t>(entry.col())] += entry.value();
+        }
+      const auto own = static_cast<std::ptrdiff_t>(shares.size());
+      for (const Index bone : touched) {
+        shares.push_back({bone, sum[static_cast<std::size_t>(bone)] / 3});
+        sum[static_cast<std::size_t>(bone)] = 0;
+      }
+      result.starts_[f + 1] = touched.size();
+      touched.clear();
+      std::sort(shares.begin() + own, shares.end(), [](const BoneShare& a, const BoneShare& b) {
+        return a.weight != b.weight ? a.weight > b.weight : a.bone < b.bone;
+      });
     }
-    touched.clear();
-    std::sort(result.shares_.begin() + static_cast<std::ptrdiff_t>(result.starts_.back()), result.shares_.end(),
-              [](const BoneShare& a, const BoneShare& b) {
-                return a.weight != b.weight ? a.weight > b.weight : a.bone < b.bone;
-              });
-    result.starts_.push_back(result.shares_.size());
-  }
+  });
+  for (std::size_t f = 0; f < m; ++f) result.starts_[f + 1] += result.starts_[f];
+  result.shares_.resize(result.starts_[m]);
+  each_run(m, [&](std::size_t r, std::size_t begin, std::size_t) {
+    std::copy(of_run[r].begin(), of_run[r].end(),
+              result.shares_.begin() + static_cast<std::ptrdiff_t>(result.starts_[begin]));
+  });
 
-  result.vertex_omega1_.assign(static_cast<std::size_t>(mesh.vertex_count()), 0.0);
-  for (Index v = 0; v < mesh.vertex_count(); ++v) {
-    if (cancelled(v)) return cancelled_error("dominance");
-    double first = 0, second = 0;
-    for (SkinWeights::InnerIterator entry(weights, v); entry; ++entry) {
-      if (entry.value() > first)
-        second = std::exchange(first, entry.value());
-      else
-        second = std::max(second, entry.value());
+  result.vertex_omega1_.assign(n, 0.0);
+  each_run(n, [&](std::size_t, std::size_t begin, std::size_t end) {
+    for (std::size_t v = begin; v < end; ++v) {
+      double first = 0, second = 0;
+      for (SkinWeights::InnerIterator entry(weights, static_cast<Index>(v)); entry; ++entry) {
+        if (entry.value() > first)
+          second = std::exchange(first, entry.value());
+        else
+          second = std::max(second, entry.value());
+      }
+      result.vertex_omega1_[v] = first - second;
     }
-    result.vertex_omega1_[static_cast<std::size_t>(v)] = first - second;
-  }
+  });
   result.gradient_.setZero(mesh.face_count(), 3);
-  for (Index f = 0; f < mesh.face_count(); ++f) {
-    if (cancelled(f)) return cancelled_error("dominance");
-    if (!(mesh.area(f) > 0)) continue;
-    Vector3 gradient = Vector3::Zero();
-    for (Index h = 3 * f; h < 3 * f + 3; ++h) {
-      const auto vertex = static_cast<std::size_t>(mesh.origin(TriangleMesh<Scalar>::prev(h)));  // across from h
-      gradient += result.vertex_omega1_[vertex] * mesh.normal(f).cross(mesh.edge_vector(h)).template cast<double>();
+  each_run(m, [&](std::size_t, std::size_t begin, std::size_t end) {
+    for (auto f = static_cast<Index>(begin); f < static_cast<Index>(end); ++f) {
+      if (!(mesh.area(f) > 0)) continue;
+      Vector3 gradient = Vector3::Zero();
+      for (Index h = 3 * f; h < 3 * f + 3; ++h) {
+        const auto vertex = static_cast<std::size_t>(mesh.origin(TriangleMesh<Scalar>::prev(h)));  // across from h
+        gradient += result.vertex_omega1_[vertex] * mesh.normal(f).cross(mesh.edge_vector(h)).template cast<double>();
+      }
+      result.gradient_.row(f) = gradient.transpose() / (2 * static_cast<double>(mesh.area(f)));
     }
-    result.gradient_.row(f) = gradient.transpose() / (2 * static_cast<double>(mesh.area(f)));
-  }
+  });
+  if (context && context->cancelled()) return cancelled_error("dominance");
   return result;
 }
 

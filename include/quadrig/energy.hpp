@@ -260,10 +260,10 @@ class QuadraticForm {
     for (std::size_t i = 0; i < fixed_.size(); ++i)
       if (!fixed_[i]) free_index_[i] = free_unknowns++;
 
-    // Products by column, in the order in which `fill` meets them; the diagonal leads each column.
+    // The rows of the products beside the diagonal, by column.
     const auto n = static_cast<std::size_t>(free_unknowns);
     std::vector<std::size_t> starts(n + 1, 0);
-    const auto for_each_product = [&](auto&& body) {
+    const auto for_each_product = [&](auto&& body) {  // in the order in which `fill` meets them
       for (std::size_t r = 0; r + 1 < row_starts_.size() && !cancelled(r); ++r)
         for (std::size_t p = row_starts_[r]; p < row_starts_[r + 1]; ++p) {
           const Index a = free_index_[static_cast<std::size_t>(row_unknowns_[p])];
@@ -275,52 +275,50 @@ class QuadraticForm {
         }
     };
     std::size_t products = 0;
-    for_each_product([&](Index, Index column) {
-      ++starts[static_cast<std::size_t>(column) + 1];
+    for_each_product([&](Index row, Index column) {
+      if (row != column) ++starts[static_cast<std::size_t>(column) + 1];
       ++products;
     });
     if (cancelled(0)) return {};
     for (std::size_t j = 0; j < n; ++j) starts[j + 1] += starts[j];
     if (products > std::size_t{0x7fffffff})
       return Error{ErrorCode::unsupported, "more than 2^31 products in one system", "energy", "use a coarser mesh"};
-    struct Product {
-      Index row;
-      Index number;
-    };
-    std::vector<Product> by_column;
-    if (!grow(by_column, products)) return {};
+    std::vector<Index> by_column;
+    if (!grow(by_column, starts[n])) return {};
     {
       std::vector<std::size_t> next(starts.begin(), starts.end() - (n > 0 ? 1 : 0));
-      Index number = 0;
       for_each_product([&](Index row, Index column) {
-        by_column[next[static_cast<std::size_t>(column)]++] = {row, number++};
+        if (row != column) by_column[next[static_cast<std::size_t>(column)]++] = row;
       });
     }
     if (cancelled(0)) return {};
-    if (!grow(places_, products)) return {};
     matrix_.size = free_unknowns;
     matrix_.column_starts.assign(1, 0);
     matrix_.column_starts.reserve(n + 1);
     matrix_.rows.clear();
-    // Many products share a row: only the distinct ones are sorted. A row of this column is known by its last place.
-    std::vector<Index> place(n, no_index);
+    matrix_.rows.reserve(n);
+    // Many products share a row: only the distinct ones are sorted. The diagonal leads each column.
+    std::vector<Index> met(n, no_index);  // the last column that has each row
     for (std::size_t j = 0; j < n && !cancelled(j); ++j) {
-      const std::span<const Product> column = std::span(by_column).subspan(starts[j], starts[j + 1] - starts[j]);
+      const auto column = static_cast<Index>(j);
+      matrix_.rows.push_back(column);
       const std::size_t first = matrix_.rows.size();
-      const auto meet = [&](Index row) {
-        if (place[static_cast<std::size_t>(row)] >= static_cast<Index>(first)) return;
-        place[static_cast<std::size_t>(row)] = static_cast<Index>(first);
-        matrix_.rows.push_back(row);
-      };
-      meet(static_cast<Index>(j));
-      for (const Product& product : column) meet(product.row);
+      for (std::size_t e = starts[j]; e < starts[j + 1]; ++e)
+        if (std::exchange(met[static_cast<std::size_t>(by_column[e])], column) != column)
+          matrix_.rows.push_back(by_column[e]);
       std::sort(matrix_.rows.begin() + static_cast<std::ptrdiff_t>(first), matrix_.rows.end());
-      for (std::size_t e = first; e < matrix_.rows.size(); ++e)
-        place[static_cast<std::size_t>(matrix_.rows[e])] = static_cast<Index>(e);
-      for (const Product& product : column)
-        places_[static_cast<std::size_t>(product.number)] = place[static_cast<std::size_t>(product.row)];
       matrix_.column_starts.push_back(static_cast<Index>(matrix_.rows.size()));
     }
+    if (cancelled(0)) return {};
+    if (!grow(places_, products)) return {};
+    std::size_t number = 0;
+    for_each_product([&](Index row, Index column) {
+      const Index* const begin = matrix_.rows.data() + matrix_.column_starts[static_cast<std::size_t>(column)];
+      const Index* const end = matrix_.rows.data() + matrix_.column_starts[static_cast<std::size_t>(column) + 1];
+      const Index* const place = row == column ? begin : std::lower_bound(begin + 1, end, row);
+      places_[number++] = static_cast<Index>(place - matrix_.rows.data());
+    });
+    if (cancelled(0)) return {};
     structured_ = true;
     return {};
   }

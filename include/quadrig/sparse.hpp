@@ -1,6 +1,7 @@
 // The matrix that terms fill and backends factor: sparse Hermitian, its lower triangle by columns.
 #pragma once
 
+#include <memory>
 #include <span>
 
 #include "quadrig/context.hpp"
@@ -15,6 +16,38 @@ struct RealOf {
 template <class T>
 struct RealOf<std::complex<T>> {
   using type = T;
+};
+}  // namespace detail
+
+namespace detail {
+/// Systems of more unknowns are always dissected, and take what pays for such alone: fields mixed precision, all of
+/// them substitution by subtrees. At most so many give the bits that they ever gave.
+inline constexpr Index large_system = 300'000;
+
+/// Whether functions for single precision may fuse products and sums where the processor can: its last bits then depend
+/// on the processor. Double precision never fuses, and gives the same bits everywhere.
+#if defined(__GNUC__) && defined(__x86_64__)
+#if defined(__clang__)
+#define QUADRIG_FUSED __attribute__((target("avx2,fma")))
+#else
+#define QUADRIG_FUSED __attribute__((target("avx2,fma"), optimize("fp-contract=fast")))
+#endif
+inline bool can_fuse() { return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"); }
+#endif
+
+/// An allocator whose numbers are as the memory was: for many that are written side by side.
+template <class T>
+struct Untouched : std::allocator<T> {
+  template <class U>
+  struct rebind {
+    using other = Untouched<U>;
+  };
+  template <class U>
+  void construct(U*) const noexcept {}
+  template <class U, class... Args>
+  void construct(U* place, Args&&... args) const {
+    ::new (static_cast<void*>(place)) U(std::forward<Args>(args)...);
+  }
 };
 }  // namespace detail
 

@@ -82,20 +82,24 @@ class Orthogonality {
 
 /// Weights of smoothness, one a half-edge, 3|e|² / (A_f + A_g): with them Σ w |Δz|² tends to the Dirichlet energy of
 /// a field on the smooth surface, whatever the resolution. Times an optional factor, the mean of its two faces'.
-/// 0 on the boundary. \cost O(m). \fails never
+/// 0 on the boundary. Threads: those of the context. \cost O(m). \fails never
 template <class Scalar>
 [[nodiscard]] std::vector<double> dirichlet_weights(const TriangleMesh<Scalar>& mesh,
-                                                    std::span<const double> face_factor = {}) {
+                                                    std::span<const double> face_factor = {},
+                                                    const Context* context = nullptr) {
   std::vector<double> weights(static_cast<std::size_t>(mesh.halfedge_count()), 0.0);
-  for (Index h = 0; h < mesh.halfedge_count(); ++h) {
+  const auto weigh = [&](Index h) {
     const Index twin = mesh.twin(h);
-    if (twin == no_index) continue;
+    if (twin == no_index) return;
     const double area = static_cast<double>(mesh.area(h / 3)) + static_cast<double>(mesh.area(twin / 3));
     double weight = 3 * static_cast<double>(mesh.edge_vector(h).squaredNorm()) / area;
     if (!face_factor.empty())
       weight *= (face_factor[static_cast<std::size_t>(h / 3)] + face_factor[static_cast<std::size_t>(twin / 3)]) / 2;
     weights[static_cast<std::size_t>(h)] = weight;
-  }
+  };
+  parallel_for(context, weights.size(), [&](std::size_t begin, std::size_t end) {
+    for (std::size_t h = begin; h < end; ++h) weigh(static_cast<Index>(h));
+  });
   return weights;
 }
 

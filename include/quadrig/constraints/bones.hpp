@@ -54,18 +54,19 @@ template <class Scalar>
 }
 
 /// Targets c = (ω1 c¹ + ω2 c²) / (ω1 + ω2), weighted by α; none where a face's strongest bone has no direction.
-/// \pre dominance was made of this mesh and rig. \cost O(m). \fails never. Source: thesis (4.2) to (4.14).
+/// Threads: those of the context. \pre dominance was made of this mesh and rig. \cost O(m). \fails never. Source:
+/// thesis (4.2) to (4.14).
 template <class Scalar>
 [[nodiscard]] PolyVectorTargets bone_targets(const TriangleMesh<Scalar>& mesh, const Connection<Scalar>& connection,
                                              const Skeleton& skeleton, const Dominance& dominance,
-                                             const BoneTargetOptions& options = {}) {
+                                             const BoneTargetOptions& options = {}, const Context* context = nullptr) {
   const bool unit = options.lengths == BoneTargetOptions::Lengths::unit;
   PolyVectorTargets targets = PolyVectorTargets::none(mesh.face_count());
-  for (Index f = 0; f < mesh.face_count(); ++f) {
+  const auto aim = [&](Index f) {
     const BoneShare first = dominance.share(f, 1), second = dominance.share(f, 2);
     const double omega1 = dominance.omega(f, 1), omega2 = dominance.omega(f, 2);
-    if (first.bone == no_index || !skeleton.bones[static_cast<std::size_t>(first.bone)].has_direction) continue;
-    if (!(omega1 + omega2 > 0)) continue;
+    if (first.bone == no_index || !skeleton.bones[static_cast<std::size_t>(first.bone)].has_direction) return;
+    if (!(omega1 + omega2 > 0)) return;
     const Complex b1 = bone_on_face(connection, skeleton, first.bone, f);
     const Complex b2 = bone_on_face(connection, skeleton, second.bone, f);
     const bool second_pulls =
@@ -82,10 +83,10 @@ template <class Scalar>
       const Complex one = cross(b1), two = (w1 * cross(b1) + w2 * cross(b2)) / (w1 + w2);
       const Complex blend = (omega1 * one + omega2 * two) / (omega1 + omega2);
       const double size = std::abs(blend);
-      if (!(size > 1e-12)) continue;
+      if (!(size > 1e-12)) return;
       targets.x0[i] = blend / size;
       targets.weight[i] = bone_alpha(dominance, f) * std::min(1.0, size);
-      continue;
+      return;
     }
 
     const Complex unit_bone = b1 / std::max(std::abs(b1), 1e-12);
@@ -103,7 +104,10 @@ template <class Scalar>
     targets.x0[i] = (omega1 * -integer_power(unit_bone, 4) + omega2 * two0) / (omega1 + omega2);
     targets.x1[i] = omega2 * two1 / (omega1 + omega2);
     targets.weight[i] = bone_alpha(dominance, f);
-  }
+  };
+  parallel_for(context, targets.weight.size(), [&](std::size_t begin, std::size_t end) {
+    for (std::size_t f = begin; f < end; ++f) aim(static_cast<Index>(f));
+  });
   return targets;
 }
 

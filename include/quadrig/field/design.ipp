@@ -80,10 +80,12 @@ template <class Scalar>
 SolverFactory<std::complex<Scalar>> factory_of(const BasicFieldOptions<Scalar>& options) {
   using K = std::complex<Scalar>;
   if (options.own_solver) return options.own_solver;
-  // A dozen solutions a factorization, most of them to few digits: mixed precision takes half the time.
-  constexpr Index large = 300'000;
+  // A dozen solutions a factorization, most of them to few digits: mixed precision takes half the time. Two steps
+  // leave 1e-10.
   if (options.solver == default_solver_name)
-    return [] { return Expected<AnySolver<K>>(AutomaticSolver<K>({.mixed_from = large})); };
+    return [] {
+      return Expected<AnySolver<K>>(AutomaticSolver<K>({.mixed_from = large_system, .mixed_tolerance = 1e-9}));
+    };
   return solver_factory<K>(options.solver);
 }
 
@@ -98,44 +100,57 @@ double smoothness_energy(const FieldProblem<Scalar>& problem, int power, std::sp
     return energy_of<K>(term, std::vector<K>(z.begin(), z.end()));
 }
 
+// \pre there is a value
+QUADRIG_INLINE double median(std::span<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return values.size() % 2 ? *middle : (*std::max_element(values.begin(), middle) + *middle) / 2;
+}
+
 // |x| per face as numbers that do not depend on the bases.
-QUADRIG_INLINE void describe_polynomial(const PolyVectorField& field, FieldReport& report) {
-  std::vector<double> size;
-  size.reserve(field.x0.size());
-  for (std::size_t f = 0; f < field.x0.size(); ++f) {
-    size.push_back(std::abs(field.x0[f]));
-    report.sum_abs_x0 += size.back();
-    report.sum_abs_x1 += std::abs(field.x1[f]);
-  }
-  std::sort(size.begin(), size.end());
-  const std::size_t half = size.size() / 2;
-  if (!size.empty()) report.median_abs_x0 = size.size() % 2 ? size[half] : (size[half - 1] + size[half]) / 2;
+QUADRIG_INLINE void describe_polynomial(const PolyVectorField& field, FieldReport& report, const Context& context) {
+  std::vector<double> size(field.x0.size()), other(size.size());
+  parallel_for(&context, size.size(), [&](std::size_t begin, std::size_t end) {
+    for (std::size_t f = begin; f < end; ++f) {
+      size[f] = std::sqrt(std::norm(field.x0[f]));
+      other[f] = std::sqrt(std::norm(field.x1[f]));
+    }
+  });
+  report.sum_abs_x0 = std::accumulate(size.begin(), size.end(), 0.0);
+  report.sum_abs_x1 = std::accumulate(other.begin(), other.end(), 0.0);
+  if (!size.empty()) report.median_abs_x0 = median(size);
 }
 
 template <class Scalar>
-void describe_bones(const FieldProblem<Scalar>& problem, const PolyVectorField& field, FieldReport& report) {
+void describe_bones(const FieldProblem<Scalar>& problem, const PolyVectorField& field, FieldReport& report,
+                    const Context& context) {
   if (!problem.dominance) return;
-  std::vector<double> angles;
+  constexpr double none = -1;
+  std::vector<double> angles(field.x0.size(), none);
+  parallel_for(&context, angles.size(), [&](std::size_t begin, std::size_t end) {
+    for (auto f = static_cast<Index>(begin); f < static_cast<Index>(end); ++f) {
+      if (!(problem.dominance->omega(f, 1) > 0.9)) continue;
+      const Complex bone = bone_on_face(*problem.connection, *problem.skeleton, problem.dominance->share(f, 1).bone, f);
+      if (!(std::abs(bone) > 1e-12)) continue;
+      const auto [u, v] = raw_roots(field.x0[static_cast<std::size_t>(f)], field.x1[static_cast<std::size_t>(f)]);
+      const auto cosine = [&](Complex z) {
+        const double square = std::norm(z) * std::norm(bone);
+        return square > 0 ? std::abs(std::real(z * std::conj(bone))) / std::sqrt(square) : 1.0;
+      };
+      const double angle = std::acos(std::min(1.0, std::max(cosine(u), cosine(v))));
+      angles[static_cast<std::size_t>(f)] = angle * 180 / std::numbers::pi;
+    }
+  });
   for (Index f = 0; f < problem.mesh->face_count(); ++f) {
     const double omega1 = problem.dominance->omega(f, 1);
     report.sum_omega1 += omega1;
     report.sum_omega2 += problem.dominance->omega(f, 2);
-    if (!(omega1 > 0.9)) continue;
-    ++report.faces_omega1_above_0_9;
-    const Complex bone = bone_on_face(*problem.connection, *problem.skeleton, problem.dominance->share(f, 1).bone, f);
-    if (!(std::abs(bone) > 1e-12)) continue;
-    const auto [u, v] = raw_roots(field.x0[static_cast<std::size_t>(f)], field.x1[static_cast<std::size_t>(f)]);
-    const auto to_bone = [&](Complex z) {
-      const double size = std::abs(z) * std::abs(bone);
-      return size > 0 ? std::acos(std::clamp(std::abs(std::real(z * std::conj(bone))) / size, 0.0, 1.0)) : 0.0;
-    };
-    angles.push_back(std::min(to_bone(u), to_bone(v)) * 180 / std::numbers::pi);
+    if (omega1 > 0.9) ++report.faces_omega1_above_0_9;
   }
+  std::erase(angles, none);
   if (angles.empty()) return;
   for (const double angle : angles) report.mean_angle_to_bone_deg += angle / static_cast<double>(angles.size());
-  std::sort(angles.begin(), angles.end());
-  const std::size_t half = angles.size() / 2;
-  report.median_angle_to_bone_deg = angles.size() % 2 ? angles[half] : (angles[half - 1] + angles[half]) / 2;
+  report.median_angle_to_bone_deg = median(angles);
 }
 
 template <class Scalar>
@@ -144,18 +159,18 @@ Expected<FieldResult> finish_field(const FieldProblem<Scalar>& problem, PolyVect
                                    const Context& context) {
   FieldResult result;
   if (context.cancelled()) return cancelled_error("field");
-  describe_polynomial(polynomial, report);
+  describe_polynomial(polynomial, report, context);
   if (context.cancelled()) return cancelled_error("field");
-  describe_bones(problem, polynomial, report);
+  describe_bones(problem, polynomial, report, context);
   if (context.cancelled()) return cancelled_error("field");
-  Roots found = roots(polynomial, options.limits);
+  Roots found = roots(polynomial, options.limits, &context);
   report.bounded_frames = found.bounded;
   result.frames = std::move(found.frames);
   result.polynomial = std::move(polynomial);
   if (context.cancelled()) return cancelled_error("field");
-  result.matching = match(*problem.mesh, *problem.connection, result.frames);
+  result.matching = match(*problem.mesh, *problem.connection, result.frames, &context);
   if (context.cancelled()) return cancelled_error("field");
-  auto counted = singularities(*problem.mesh, result.matching);
+  auto counted = singularities(*problem.mesh, result.matching, &context);
   if (!counted) return counted.error();
   result.singularities = std::move(*counted);
   report.singularities_plus = result.singularities.plus;
@@ -175,7 +190,7 @@ Expected<FieldResult> design_thesis_field(const FieldProblem<Scalar>& problem, c
   const TriangleMesh<Scalar>& mesh = *problem.mesh;
   const auto m = static_cast<std::size_t>(mesh.face_count());
   PolyVectorTargets targets = bone_targets(mesh, *problem.connection, *problem.skeleton, *problem.dominance,
-                                           {.lengths = BoneTargetOptions::Lengths::thesis});
+                                           {.lengths = BoneTargetOptions::Lengths::thesis}, &context);
   const double largest = m > 0 ? static_cast<double>(mesh.areas().maxCoeff()) : 1.0;
   std::vector<double> orthogonality(m), smoothness(3 * m, 0.0), beta(m);
   for (std::size_t f = 0; f < m; ++f) {
@@ -278,14 +293,17 @@ Expected<PolyVectorTargets> curvature_targets(const FieldProblem<Scalar>& proble
   return targets;
 }
 
-QUADRIG_INLINE void add_targets(PolyVectorTargets& sum, const PolyVectorTargets& other, double factor) {
-  for (std::size_t f = 0; f < sum.weight.size(); ++f) {
-    const double weight = factor * other.weight[f], total = sum.weight[f] + weight;
-    if (!(weight > 0)) continue;
-    sum.x0[f] = (sum.weight[f] * sum.x0[f] + weight * other.x0[f]) / total;
-    sum.x1[f] = (sum.weight[f] * sum.x1[f] + weight * other.x1[f]) / total;
-    sum.weight[f] = total;
-  }
+QUADRIG_INLINE void add_targets(PolyVectorTargets& sum, const PolyVectorTargets& other, double factor,
+                                const Context& context) {
+  parallel_for(&context, sum.weight.size(), [&](std::size_t begin, std::size_t end) {
+    for (std::size_t f = begin; f < end; ++f) {
+      const double weight = factor * other.weight[f], total = sum.weight[f] + weight;
+      if (!(weight > 0)) continue;
+      sum.x0[f] = (sum.weight[f] * sum.x0[f] + weight * other.x0[f]) / total;
+      sum.x1[f] = (sum.weight[f] * sum.x1[f] + weight * other.x1[f]) / total;
+      sum.weight[f] = total;
+    }
+  });
 }
 
 // Where bones meet, the densities of the two-bone rule along the first bone and across it, within [1, 4].
@@ -331,8 +349,12 @@ Expected<std::vector<Complex>> merge_singularities(BasicFieldSolver<Scalar>& sol
   const auto factor_of = [&](std::size_t f) { return factor[static_cast<std::size_t>(scales.components.of_face[f])]; };
   std::vector<double> smoothness(system.smoothness.begin(), system.smoothness.end());
   std::vector<double> weight(system.target_weight.begin(), system.target_weight.end());
-  for (std::size_t h = 0; h < smoothness.size(); ++h) smoothness[h] *= factor_of(h / 3);
-  for (std::size_t f = 0; f < m; ++f) weight[f] *= factor_of(f);
+  parallel_for(&context, m, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t f = begin; f < end; ++f) {
+      for (std::size_t h = 3 * f; h < 3 * f + 3; ++h) smoothness[h] *= factor_of(f);
+      weight[f] *= factor_of(f);
+    }
+  });
   system.smoothness = smoothness;
   system.target_weight = weight;
   system.shrink = scales.share;  // |x − x̂|² without its linear part, which each round adds to the right-hand side
@@ -343,23 +365,28 @@ Expected<std::vector<Complex>> merge_singularities(BasicFieldSolver<Scalar>& sol
   const auto renew = [&](std::size_t f) {
     if (const double size = std::abs(x0[f]); size > 0) unit[f] = x0[f] / size;
   };
-  for (std::size_t f = 0; f < m; ++f) {
+  const auto each_face = [&](auto&& body) {
+    parallel_for(&context, m, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t f = begin; f < end; ++f) body(f);
+    });
+  };
+  std::vector<double> change(m);
+  each_face([&](std::size_t f) {
     unit[f] = 1;
     renew(f);
-  }
+  });
   for (Index round = 0; round < options.merge_rounds; ++round) {
-    for (std::size_t f = 0; f < m; ++f) pull[f] = scales.share[f] * unit[f];
+    each_face([&](std::size_t f) { pull[f] = scales.share[f] * unit[f]; });
     if (round == 0)
       if (Status status = solver.prepare(std::span(&system, 1), context); !status.ok()) return status.error();
     if (Status status = solver.improve(0, pull, merge_tolerance, x0, context); !status.ok()) return status.error();
-    double change = 0;
-    for (std::size_t f = 0; f < m; ++f) {
+    each_face([&](std::size_t f) {
       const Complex before = unit[f];
       renew(f);
-      change += scales.share[f] * std::norm(unit[f] - before);
-    }
+      change[f] = scales.share[f] * std::norm(unit[f] - before);
+    });
     ++report.merge_rounds;
-    if (change < 1e-5) break;
+    if (std::accumulate(change.begin(), change.end(), 0.0) < 1e-5) break;
   }
   return x0;
 }
@@ -385,16 +412,17 @@ Expected<FieldResult> design_smooth_field(const FieldProblem<Scalar>& problem, c
   const double curvature_weight = options.curvature_weight.value_or(flat ? 1.0 : 0.0);
   std::vector<double> beta(m, 0.5);
   if (problem.dominance && bone_weight > 0) {
-    add_targets(targets, bone_targets(mesh, connection, *problem.skeleton, *problem.dominance), bone_weight);
+    add_targets(targets, bone_targets(mesh, connection, *problem.skeleton, *problem.dominance, {}, &context),
+                bone_weight, context);
     if (context.cancelled()) return cancelled_error("field");
     for (std::size_t f = 0; f < m; ++f) beta[f] = bone_beta(*problem.dominance, static_cast<Index>(f));
   }
   if (curvature_weight > 0) {
     auto curved = curvature_targets(problem, scales, options.curvature_length, *solver, context);
     if (!curved) return curved.error();
-    add_targets(targets, *curved, curvature_weight);
+    add_targets(targets, *curved, curvature_weight, context);
   }
-  if (options.targets) add_targets(targets, *options.targets, 1);
+  if (options.targets) add_targets(targets, *options.targets, 1, context);
   if (context.cancelled()) return cancelled_error("field");
 
   // Given directions first, then borders, features, and creases: a face keeps the first it gets.
@@ -438,7 +466,7 @@ Expected<FieldResult> design_smooth_field(const FieldProblem<Scalar>& problem, c
     orthogonality[f] = scales.share[f] * beta[f];
     pull[c] += align[f] + (held[f] ? 1.0 : 0.0);
   }
-  std::vector<double> smoothness = dirichlet_weights(mesh, beta);
+  std::vector<double> smoothness = dirichlet_weights(mesh, beta, &context);
   for (std::size_t h = 0; h < smoothness.size(); ++h) {
     const double fraction = scales.average[static_cast<std::size_t>(scales.components.of_face[h / 3])];
     smoothness[h] *= fraction * fraction;
@@ -475,10 +503,18 @@ Expected<FieldResult> design_smooth_field(const FieldProblem<Scalar>& problem, c
   PolyVectorField polynomial{std::move((*solved)[0]), skewed ? std::move((*solved)[1]) : std::vector<Complex>(m)};
   if (context.cancelled()) return cancelled_error("field");
   const std::span<const Complex> x0 = polynomial.x0, x1 = polynomial.x1;
-  report.energy_align =
-      energy_of<Complex>(Alignment<>(targets.x0, align), x0) + energy_of<Complex>(Alignment<>(targets.x1, align), x1);
-  report.energy_smooth = smoothness_energy(problem, 4, smoothness, x0) + smoothness_energy(problem, 2, smoothness, x1);
-  report.energy_orth = energy_of<Complex>(Orthogonality<>(orthogonality), x1);
+  std::array<double, 5> energies{};
+  context.parallel_for(energies.size(), 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t k = begin; k < end; ++k)
+      energies[k] = k == 0   ? smoothness_energy(problem, 4, smoothness, x0)
+                    : k == 1 ? energy_of<Complex>(Alignment<>(targets.x0, align), x0)
+                    : k == 2 ? energy_of<Complex>(Alignment<>(targets.x1, align), x1)
+                    : k == 3 ? energy_of<Complex>(Orthogonality<>(orthogonality), x1)
+                             : smoothness_energy(problem, 2, smoothness, x1);
+  });
+  report.energy_align = energies[1] + energies[2];
+  report.energy_smooth = energies[0] + energies[4];
+  report.energy_orth = energies[3];
 
   if (context.cancelled()) return cancelled_error("field");
   if (options.merge_rounds > 0) {
@@ -491,6 +527,7 @@ Expected<FieldResult> design_smooth_field(const FieldProblem<Scalar>& problem, c
   const double length = report.smoothing_length;
   auto result = finish_field(problem, std::move(polynomial), options, std::move(report), context);
   if (!result) return result;
+  result->pull.reserve(m);
   for (const double weight : targets.weight) result->pull.push_back(std::min(weight, 1.0));
   const std::vector<double> zero(m, 0.0);
   DensityTargets densities{zero, zero, zero};
@@ -501,7 +538,7 @@ Expected<FieldResult> design_smooth_field(const FieldProblem<Scalar>& problem, c
     if (!smoothed) return smoothed.error();
     densities = std::move(*smoothed);
   }
-  apply_densities(result->frames, densities, 1, 4);
+  apply_densities(result->frames, densities, 1, 4, &context);
   return result;
 }
 

@@ -1,6 +1,7 @@
 // A frame a face, and the polynomial whose roots its vectors are.
 #pragma once
 
+#include <atomic>
 #include <numbers>
 
 #include "quadrig/terms.hpp"
@@ -50,13 +51,17 @@ struct Roots {
   Index bounded = 0;  ///< faces that had to be brought within the limits
 };
 
-/// \cost O(m). \fails never: where x0 = x1 = 0 the frame is the face's basis, of length 0 made 1.
-[[nodiscard]] inline Roots roots(const PolyVectorField& field, const FrameLimits& limits = {}) {
+/// Threads: those of the context. \cost O(m). \fails never: where x0 = x1 = 0 the frame is the face's basis, of length
+/// 0
+///   made 1.
+[[nodiscard]] inline Roots roots(const PolyVectorField& field, const FrameLimits& limits = {},
+                                 const Context* context = nullptr) {
   const std::size_t m = field.x0.size();
   Roots result;
   result.frames.u.resize(m);
   result.frames.v.resize(m);
-  for (std::size_t f = 0; f < m; ++f) {
+  std::atomic<Index> bounded{0};
+  const auto find = [&](std::size_t f) {
     auto [u, v] = raw_roots(field.x0[f], field.x1[f]);
     double opening = opening_angle(u, v);
     if (opening < 0) {
@@ -71,7 +76,7 @@ struct Roots {
     if (!(largest > 0)) {
       u = Complex(1, 0);
       v = Complex(0, 1);
-      ++result.bounded;
+      ++bounded;
     } else if (narrow || unequal) {
       // Of two nearly equal roots one sign of v gives a narrow frame and the other a wide one with the bisector a
       // quarter turn away: the same cross.
@@ -80,11 +85,15 @@ struct Roots {
       opening = std::clamp(opening, limits.least_angle_radians, std::numbers::pi - limits.least_angle_radians);
       u = std::polar(length_u, beta - opening / 2);
       v = std::polar(length_v, beta + opening / 2);
-      ++result.bounded;
+      ++bounded;
     }
     result.frames.u[f] = u;
     result.frames.v[f] = v;
-  }
+  };
+  parallel_for(context, m, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t f = begin; f < end; ++f) find(f);
+  });
+  result.bounded = bounded;
   return result;
 }
 

@@ -22,11 +22,14 @@ template <class Scalar>
     Context& context, const SolverFactory<Scalar>& factory = solver_factory<Scalar>());
 
 /// Gives every frame the magnitudes exp(log_u), exp(log_v), clamped to [least, most]. \pre 0 < least ≤ most
-inline void apply_densities(FrameField& frames, const DensityTargets& densities, double least, double most) {
-  for (std::size_t f = 0; f < frames.u.size(); ++f) {
-    frames.u[f] *= std::clamp(std::exp(densities.log_u[f]), least, most) / std::abs(frames.u[f]);
-    frames.v[f] *= std::clamp(std::exp(densities.log_v[f]), least, most) / std::abs(frames.v[f]);
-  }
+inline void apply_densities(FrameField& frames, const DensityTargets& densities, double least, double most,
+                            const Context* context = nullptr) {
+  parallel_for(context, frames.u.size(), [&](std::size_t begin, std::size_t end) {
+    for (std::size_t f = begin; f < end; ++f) {
+      frames.u[f] *= std::clamp(std::exp(densities.log_u[f]), least, most) / std::abs(frames.u[f]);
+      frames.v[f] *= std::clamp(std::exp(densities.log_v[f]), least, most) / std::abs(frames.v[f]);
+    }
+  });
 }
 
 }  // namespace quadrig

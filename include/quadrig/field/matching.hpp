@@ -15,18 +15,19 @@ struct Matching {
 
 /// Principal matching by the bisector cross of each frame, which is exact for frames that are not orthogonal: the
 /// principal effort is the phase of the ratio of x0. Computed for one half-edge of a pair, so twins cannot differ.
+/// Threads: those of the context.
 /// \pre one frame a face. \cost O(m). \fails never. Source: Diamanti et al. 2014, Vaxman et al. 2016.
 template <class Scalar>
 [[nodiscard]] Matching match(const TriangleMesh<Scalar>& mesh, const Connection<Scalar>& connection,
-                             const FrameField& frames) {
+                             const FrameField& frames, const Context* context = nullptr) {
   constexpr double quarter = std::numbers::pi / 2;
   Matching matching{std::vector<Index>(static_cast<std::size_t>(mesh.halfedge_count()), 0),
                     std::vector<double>(static_cast<std::size_t>(mesh.halfedge_count()), 0.0)};
   std::vector<double> beta(static_cast<std::size_t>(mesh.face_count()));
-  for (std::size_t f = 0; f < beta.size(); ++f) beta[f] = bisector_angle(frames.u[f], frames.v[f]);
-  for (Index h = 0; h < mesh.halfedge_count(); ++h) {
-    const Index twin = mesh.twin(h);
-    if (twin == no_index || twin < h) continue;
+  parallel_for(context, beta.size(), [&](std::size_t begin, std::size_t end) {
+    for (std::size_t f = begin; f < end; ++f) beta[f] = bisector_angle(frames.u[f], frames.v[f]);
+  });
+  const auto match_across = [&](Index h, Index twin) {
     const double alpha_f = std::arg(Complex(connection.edge(h))), alpha_g = std::arg(-Complex(connection.edge(twin)));
     const double turn =
         (beta[static_cast<std::size_t>(h / 3)] - alpha_f) + alpha_g - beta[static_cast<std::size_t>(twin / 3)];
@@ -36,7 +37,11 @@ template <class Scalar>
     matching.r[b] = -matching.r[a];
     matching.rho[a] = turn - r * quarter;
     matching.rho[b] = -matching.rho[a];
-  }
+  };
+  parallel_for(context, matching.r.size(), [&](std::size_t begin, std::size_t end) {
+    for (auto h = static_cast<Index>(begin); h < static_cast<Index>(end); ++h)
+      if (const Index twin = mesh.twin(h); twin != no_index && twin > h) match_across(h, twin);
+  });
   return matching;
 }
 
@@ -59,18 +64,20 @@ template <class Scalar>
 
 /// Inside, I4 = (2π − Σ angles − Σ ρ) / (π/2), rounded, over the half-edges that end at the vertex; on the boundary
 /// (π − Σ angles − Σ ρ) / (π/2), whose sum over a border loop is whole for any field: it is rounded so that the sum is
-/// kept. \cost O(m). \fails numeric where Gauss–Bonnet (Σ angle defects = 2πχ), Σ I4 ≡ Σ r mod 4 at a vertex, or
+/// kept. Threads: those of the context. \cost O(m). \fails numeric where Gauss–Bonnet (Σ angle defects = 2πχ), Σ I4 ≡ Σ
+/// r mod 4 at a vertex, or
 ///   Poincaré–Hopf (Σ I4 = 4χ) does not hold: the matching is not of this mesh, or the mesh has degenerate faces.
 /// Source: Gauss–Bonnet and Poincaré–Hopf; Ray et al. 2008.
 template <class Scalar>
-[[nodiscard]] Expected<Singularities> singularities(const TriangleMesh<Scalar>& mesh, const Matching& matching) {
+[[nodiscard]] Expected<Singularities> singularities(const TriangleMesh<Scalar>& mesh, const Matching& matching,
+                                                    const Context* context = nullptr) {
   constexpr double quarter = std::numbers::pi / 2;
   constexpr double whole = std::is_same_v<Scalar, float> ? 1e-2 : 1e-6;  // numbers so near to whole ones are whole
   const auto fail = [](std::string what, std::string where) {
     return Error{ErrorCode::numeric, std::move(what), std::move(where), "run prepare() to remove degenerate faces"};
   };
   const auto n = static_cast<std::size_t>(mesh.vertex_count());
-  const Eigen::VectorXd defects = angle_defects(mesh).template cast<double>();
+  const Eigen::VectorXd defects = angle_defects(mesh, context).template cast<double>();
   std::vector<double> turning(n, 0.0);
   std::vector<Index> steps(n, 0);
   for (Index h = 0; h < mesh.halfedge_count(); ++h) {

@@ -44,15 +44,21 @@ Status BasicFieldSolver<Scalar>::assemble(Slot& slot, const System& system, cons
     if (!held[static_cast<std::size_t>(f)]) slot.form.release(f);
 
   const Smoothness<Scalar> smoothness(*mesh_, *connection_, system.power, system.smoothness);
-  const Orthogonality<Scalar> shrink(system.shrink);
-  std::vector<TermRef<K>> terms{smoothness, shrink};
+  std::vector<TermRef<K>> terms{smoothness};
   for (const AnyTerm<K>& own : system.own_terms) terms.emplace_back(own);
   // Without its targets, which may change alone. A face that no row reaches has its place in the matrix all the same.
   if (Status status = slot.form.assemble(std::span<const TermRef<K>>(terms), &context); !status.ok()) return status;
   const std::span<const K> rhs = slot.form.rhs();
   slot.rhs.assign(rhs.begin(), rhs.end());
   slot.diagonal.resize(rhs.size());
-  for (std::size_t i = 0; i < rhs.size(); ++i) slot.diagonal[i] = slot.form.diagonal(static_cast<Index>(i));
+  for (std::size_t i = 0, f = 0; f < held.size(); ++f) {
+    if (held[f]) continue;
+    slot.diagonal[i] = slot.form.diagonal(static_cast<Index>(i));
+    if (!system.shrink.empty()) slot.diagonal[i] += static_cast<Scalar>(system.shrink[f]);
+    if (!std::isfinite(slot.diagonal[i++]))
+      return Error{ErrorCode::bad_input, "a number is not finite", "term orthogonality, row " + std::to_string(f),
+                   "check the term with quadrig/laws.hpp"};
+  }
   if (Status status = add_targets(slot, system.target, system.target_weight); !status.ok()) return status;
 
   // A component that nothing pins is singular, or as good as: a shift far below its first eigenvalue mends that.
@@ -326,15 +332,20 @@ Status BasicFieldSolver<Scalar>::improve(std::size_t k, std::span<const Complex>
   if (context.cancelled()) return cancelled_error("field");
   const Stopwatch clock;
   Slot& slot = slots_[k];
-  rhs_.assign(slot.form.rhs().begin(), slot.form.rhs().end());
-  unknowns_.resize(rhs_.size());
+  const std::span<const K> right = slot.form.rhs();
+  rhs_.resize(right.size());
+  unknowns_.resize(right.size());
   const auto for_each_free = [&](auto&& body) {
+    if (slot.form.free_count() == mesh_->face_count())
+      return parallel_for(&context, rhs_.size(), [&](std::size_t begin, std::size_t end) {
+        for (std::size_t f = begin; f < end; ++f) body(f, f);
+      });
     std::size_t unknown = 0;
     for (Index f = 0; f < mesh_->face_count(); ++f)
       if (!slot.form.is_fixed(f)) body(unknown++, static_cast<std::size_t>(f));
   };
   for_each_free([&](std::size_t i, std::size_t f) {
-    rhs_[i] += static_cast<K>(added_rhs[f]);
+    rhs_[i] = right[i] + static_cast<K>(added_rhs[f]);
     unknowns_[i] = static_cast<K>(z[f]);
   });
   if (!rhs_.empty())

@@ -12,6 +12,7 @@ struct AutomaticOptions {
   /// Systems in double of at least so many unknowns are factored in single precision, which is quicker where a
   /// factorization serves few right-hand sides.
   Index mixed_from = std::numeric_limits<Index>::max();
+  double mixed_tolerance = MixedOptions().tolerance;  ///< of those
 };
 
 /// Supernodal Cholesky, under the ordering that elimination_order chooses, where the pattern's factor stays within the
@@ -36,7 +37,8 @@ class AutomaticSolver {
     iterative_.reset();
     mixed_.reset();
     direct_ = SupernodalCholesky<K>();
-    if (sizeof(real_of<K>) > sizeof(float) && A.size >= options_.mixed_from) mixed_.emplace();
+    if (sizeof(real_of<K>) > sizeof(float) && A.size >= options_.mixed_from)
+      mixed_.emplace(MixedOptions{.tolerance = options_.mixed_tolerance});
     if (Status status = mixed_ ? mixed_->analyze(A, order, context) : direct_.analyze(A, order, context); !status.ok())
       return status;
     const double bytes = mixed_

@@ -15,10 +15,11 @@ inline constexpr Index front_large = sizeof(Real) == 4 ? 128 : std::numeric_limi
 inline constexpr Index front_deep = 64;
 
 #if defined(__GNUC__)
-#define QUADRIG_FLATTEN __attribute__((always_inline)) inline
+#define QUADRIG_FLATTEN_LAMBDA __attribute__((always_inline))
+#define QUADRIG_FLATTEN QUADRIG_FLATTEN_LAMBDA inline
 
 /// Tiles of target −= left · rightᴴ in vectors of so many bytes. Each entry is summed over the depth in its own order
-/// and by the same operations whatever the width, so that every processor gives the same bits.
+/// and by the same operations whatever the width, so that every processor gives the same bits, but where it fuses.
 template <class K, int bytes>
 struct FrontTile {
   using Real = real_of<K>;
@@ -101,21 +102,22 @@ struct FrontTile {
   /// rows, and of a large depth, that stay in the caches.
   QUADRIG_FLATTEN static void trapezoid(const K* left, std::ptrdiff_t left_stride, Index depth, K* target,
                                         std::ptrdiff_t stride, Index rows, Index count) {
-    constexpr Index wide = is_complex ? 2 : 4, tall = 256;
+    constexpr Index wide = !is_complex ? 4 : sizeof(Real) == 4 ? 3 : 2, tall = 256;
     const Index deep = depth > front_large<Real> ? front_deep : depth;
     for (Index k = 0; k < depth; k += deep, left += deep * left_stride) {
       const Index part = std::min(deep, depth - k);
       for (Index top = 0; top < rows; top += tall) {
         const Index bottom = std::min(rows, top + tall), last = std::min(count, bottom);
         Index j = 0;
-        for (; j + wide <= last; j += wide) {
-          const Index i = std::max(j, top);
-          columns<wide>(left + i, left_stride, bottom - i, left + j, part, target + j * stride + i, stride);
-        }
-        for (; j < last; ++j) {
-          const Index i = std::max(j, top);
-          columns<1>(left + i, left_stride, bottom - i, left + j, part, target + j * stride + i, stride);
-        }
+        const auto some = [&]<int C>(std::integral_constant<int, C>) QUADRIG_FLATTEN_LAMBDA {
+          for (; j + C <= last; j += C) {
+            const Index i = std::max(j, top);
+            columns<C>(left + i, left_stride, bottom - i, left + j, part, target + j * stride + i, stride);
+          }
+        };
+        some(std::integral_constant<int, wide>());
+        if constexpr (wide == 3) some(std::integral_constant<int, 2>());
+        some(std::integral_constant<int, 1>());
       }
     }
   }
@@ -132,8 +134,14 @@ __attribute__((target("avx2"))) void front_trapezoid_avx2(const K* left, std::pt
                                                           K* target, std::ptrdiff_t stride, Index rows, Index count) {
   FrontTile<K, 32>::trapezoid(left, left_stride, depth, target, stride, rows, count);
 }
+template <class K>
+QUADRIG_FUSED void front_trapezoid_fused(const K* left, std::ptrdiff_t left_stride, Index depth, K* target,
+                                         std::ptrdiff_t stride, Index rows, Index count) {
+  FrontTile<K, 32>::trapezoid(left, left_stride, depth, target, stride, rows, count);
+}
 #endif
 #undef QUADRIG_FLATTEN
+#undef QUADRIG_FLATTEN_LAMBDA
 #endif
 
 /// A panel of `width` columns with `height` rows, by columns, of which the lower trapezoid counts, and the square of
@@ -206,6 +214,8 @@ struct Front {
                         Index count) {
 #if defined(__GNUC__)
 #if defined(__x86_64__)
+    if constexpr (sizeof(Real) == sizeof(float))
+      if (can_fuse()) return front_trapezoid_fused(left, left_stride, depth, target, stride, rows, count);
     if (__builtin_cpu_supports("avx2"))
       return front_trapezoid_avx2(left, left_stride, depth, target, stride, rows, count);
 #endif

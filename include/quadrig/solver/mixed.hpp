@@ -1,6 +1,7 @@
 // A direct solver for large systems: the factor in single precision, the solution in double.
 #pragma once
 
+#include "quadrig/solver/ordered_rows.hpp"
 #include "quadrig/solver/supernodal.hpp"
 
 namespace quadrig {
@@ -21,7 +22,7 @@ class MixedCholesky {
   using Real = real_of<K>;
   using Rough = std::conditional_t<std::is_same_v<K, Real>, float, std::complex<float>>;
 
-  explicit MixedCholesky(MixedOptions options = {}) : options_(options), rough_(options.ordering, negligible) {}
+  explicit MixedCholesky(MixedOptions options = {}) : options_(options), rough_(options.ordering, negligible, 0) {}
 
   [[nodiscard]] static constexpr std::string_view name() { return "supernodal-mixed"; }
 
@@ -29,15 +30,17 @@ class MixedCholesky {
   Status analyze(const HermitianView<K>& A, std::span<const Index> order, Context& context) {
     factorized_ = false;
     exact_.reset();
-    return renamed(rough_.analyze({A.size, A.column_starts, A.rows, {}}, order, context));
+    if (Status status = rough_.analyze({A.size, A.column_starts, A.rows, {}}, order, context); !status.ok())
+      return renamed(status);
+    matrix_.analyze(A, rough_.elimination_order());
+    return {};
   }
 
   /// \fails numeric where a pivot is not positive beyond rounding, or not finite: names the unknown; cancelled.
   Status factorize(const HermitianView<K>& A, Context& context) {
     factorized_ = false;
     exact_.reset();
-    values_.assign(A.values.begin(), A.values.end());
-    scale_.resize(at(A.size));
+    std::vector<Real> scale(at(A.size));  // takes the diagonal to 1
     for (Index j = 0; j < A.size; ++j) {
       const Real diagonal = std::real(A.values[at(A.column_starts[at(j)])]);
       if (!(diagonal > 0 && std::isfinite(diagonal)))
@@ -45,12 +48,18 @@ class MixedCholesky {
                      std::isfinite(diagonal) ? "the matrix is not positive definite" : "the matrix is not finite",
                      where() + ", unknown " + std::to_string(j),
                      "every unknown needs a term, or a fixed value in its component"};
-      scale_[at(j)] = 1 / std::sqrt(diagonal);
+      scale[at(j)] = 1 / std::sqrt(diagonal);
     }
-    std::vector<Rough> scaled(values_.size());
-    for (Index j = 0; j < A.size; ++j)
-      for (std::size_t e = at(A.column_starts[at(j)]); e < at(A.column_starts[at(j) + 1]); ++e)
-        scaled[e] = static_cast<Rough>(values_[e] * scale_[at(A.rows[e])] * scale_[at(j)]);
+    matrix_.fill(A.values, context);
+    scale_.resize(scale.size());
+    const std::span<const Index> unknown = rough_.elimination_order();
+    for (std::size_t k = 0; k < scale.size(); ++k) scale_[k] = scale[at(unknown[k])];
+    std::vector<Rough, detail::Untouched<Rough>> scaled(A.values.size());
+    context.parallel_for(scale.size(), 16384, [&](std::size_t first, std::size_t last) {
+      for (std::size_t j = first; j < last; ++j)
+        for (std::size_t e = at(A.column_starts[j]); e < at(A.column_starts[j + 1]); ++e)
+          scaled[e] = static_cast<Rough>(A.values[e] * scale[at(A.rows[e])] * scale[j]);
+    });
     if (context.cancelled()) return cancelled_error(where());
     const Status status = rough_.factorize({A.size, A.column_starts, A.rows, scaled}, context);
     if (!status.ok()) {
@@ -111,24 +120,19 @@ class MixedCholesky {
     return Error{ErrorCode::numeric, std::move(what), where(), "check the matrix"};
   }
 
-  [[nodiscard]] HermitianView<K> matrix() const {
-    const auto rough = rough_.matrix();
-    return {rough.size, rough.column_starts, rough.rows, values_};
-  }
-
   Status factorize_exactly(Context& context) {
+    const auto pattern = rough_.matrix();
+    const std::vector<K> values = matrix_.given_values();
+    const HermitianView<K> A{pattern.size, pattern.column_starts, pattern.rows, values};
     SupernodalCholesky<K> exact;
-    if (Status status = exact.analyze(matrix(), rough_.elimination_order(), context); !status.ok())
-      return renamed(status);
-    if (Status status = exact.factorize(matrix(), context); !status.ok()) return renamed(status);
+    if (Status status = exact.analyze(A, rough_.elimination_order(), context); !status.ok()) return renamed(status);
+    if (Status status = exact.factorize(A, context); !status.ok()) return renamed(status);
     exact_ = std::move(exact);
     return {};
   }
 
   SolveInfo solve(std::span<const K> b, std::span<K> x, bool from_zero, double tolerance, Context& context) {
     if (!factorized_) return {.status = Error{ErrorCode::numeric, "solve without a factorization", where(), {}}};
-    if (!std::isfinite(square(b)))
-      return {.status = Error{ErrorCode::numeric, "the right-hand side is not finite", where(), "check it"}};
     if (!exact_) {
       SolveInfo info = refine(b, x, from_zero, tolerance, workspace_, context);
       if (info.status.ok() || info.status.error().code != ErrorCode::numeric) return info;
@@ -139,99 +143,138 @@ class MixedCholesky {
     return info;
   }
 
+  // Of one solve, in the order of elimination.
   struct Workspace {
-    std::vector<K> residual, direction, product;
-    std::vector<Rough> y;  // as the unknowns are eliminated
-    double rho = 0;        // residual · preconditioned residual of the last step; 0: there was none
-
-    void resize(std::size_t n) {
-      for (auto* each : {&residual, &direction, &product}) each->resize(n);
-      y.resize(n);
-    }
+    std::vector<K> solution, residual, direction, product;
+    std::vector<Rough> y;
+    double size = 0;         // of the residual
+    double scaled_size = 0;  // of the residual where the diagonal is scaled to 1
+    double rho = 0;          // residual · preconditioned residual of the last step; 0: there was none
   };
+  static constexpr std::size_t grain = 16384;
 
   /// \fails numeric where the iteration does not converge; cancelled.
   SolveInfo refine(std::span<const K> b, std::span<K> x, bool from_zero, double tolerance, Workspace& work,
                    Context& context) const {
     tolerance = std::max(tolerance, 16.0 * std::numeric_limits<Real>::epsilon());
-    const double unit = std::sqrt(square(b));
+    const std::span<const Index> unknown = rough_.elimination_order();
+    const std::size_t n = unknown.size();
+    for (auto* each : {&work.solution, &work.residual, &work.direction, &work.product}) each->resize(n);
+    work.y.resize(n);
+    const double unit = std::sqrt(context.parallel_sum(n, [&](std::size_t begin, std::size_t end) {
+      double sum = 0;
+      for (std::size_t i = begin; i < end; ++i) sum += inner(b[i], b[i]);
+      return sum;
+    }));
     SolveInfo info;
     info.residual = 0;
-    if (from_zero || unit == 0) std::fill(x.begin(), x.end(), K{});
+    if (!std::isfinite(unit)) {
+      info.status = Error{ErrorCode::numeric, "the right-hand side is not finite", where(), "check it"};
+      return info;
+    }
     if (unit == 0) {
+      std::fill(x.begin(), x.end(), K{});
       if (std::ranges::any_of(b, [](const K& each) { return each != K{}; }))
         info.status = unsolved("the right-hand side is too small");
       return info;
     }
-    work.resize(b.size());
+    context.parallel_for(n, grain, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t k = begin; k < end; ++k) work.solution[k] = from_zero ? K{} : x[at(unknown[k])];
+    });
     const auto measure = [&] {
-      multiply<K>(matrix(), x, work.product);
-      for (std::size_t i = 0; i < b.size(); ++i) work.residual[i] = b[i] - work.product[i];
-      info.residual = std::sqrt(square(work.residual)) / unit;
+      take_sizes(context, work, [&](std::size_t k) {
+        return work.residual[k] = b[at(unknown[k])] - matrix_.row_times(k, work.solution);
+      });
+      info.residual = work.size / unit;
     };
-    if (from_zero) {
-      std::copy(b.begin(), b.end(), work.residual.begin());
-      info.residual = 1;
-    } else {
-      measure();
-    }
+    measure();
     // Above this the residual that the iteration renews is the residual: rounding moves it by far less.
     constexpr double lasting = 1e7 * std::numeric_limits<Real>::epsilon();
     const double goal = tolerance > lasting ? tolerance : tolerance / 2;
     for (double before = std::numeric_limits<double>::infinity(); !(info.residual <= tolerance); measure()) {
       if (!(info.residual < before / 2)) {  // what rounding leaves cannot be bettered by starting again
         if (!(info.residual < 1e3 * tolerance)) info.status = unsolved("the iteration does not converge");
-        return info;
+        break;
       }
       before = info.residual;
       for (work.rho = 0; info.residual > goal; ++info.iterations) {
-        info.status = info.iterations < patience ? advance(x, work, context) : unsolved("too many iterations");
+        info.status = info.iterations < patience ? advance(work, context) : unsolved("too many iterations");
         if (!info.status.ok()) return info;
-        info.residual = std::sqrt(square(work.residual)) / unit;
+        info.residual = work.size / unit;
         if (!std::isfinite(info.residual)) info.status = unsolved("the iteration is not finite");
         if (!info.status.ok()) return info;
       }
-      if (info.residual > lasting) return info;
+      if (info.residual > lasting) break;
     }
+    context.parallel_for(n, grain, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t k = begin; k < end; ++k) x[at(unknown[k])] = work.solution[k];
+    });
     return info;
   }
 
-  // One step of conjugate gradients from x, whose residual is known.
-  Status advance(std::span<K> x, Workspace& work, Context& context) const {
-    auto& [r, p, product, y, rho] = work;
+  // One step of conjugate gradients from a solution whose residual is known.
+  Status advance(Workspace& work, Context& context) const {
+    auto& [solution, r, p, product, y, size, scaled_size, rho] = work;
     if (context.cancelled()) return cancelled_error(where());
-    const std::span<const Index> unknown = rough_.elimination_order();
-    double size = 0;
-    for (std::size_t i = 0; i < r.size(); ++i) size += inner(r[i], r[i]) * (static_cast<double>(scale_[i]) * scale_[i]);
-    size = std::sqrt(size);
-    for (std::size_t k = 0; k < y.size(); ++k) {
-      const std::size_t i = at(unknown[k]);
-      y[k] = static_cast<Rough>(r[i] * static_cast<Real>(scale_[i] / size));
-    }
+    context.parallel_for(r.size(), grain, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t k = begin; k < end; ++k)
+        y[k] = static_cast<Rough>(r[k] * static_cast<Real>(scale_[k] / scaled_size));
+    });
     rough_.substitute_ordered(y, &context);
     if (context.cancelled()) return cancelled_error(where());
     const auto preconditioned = [&](std::size_t k) {
-      return static_cast<K>(y[k]) * static_cast<Real>(scale_[at(unknown[k])] * size);
+      return static_cast<K>(y[k]) * static_cast<Real>(scale_[k] * scaled_size);
     };
-    double next = 0;
-    for (std::size_t k = 0; k < y.size(); ++k) next += inner(r[at(unknown[k])], preconditioned(k));
     const bool first = rho == 0;
-    const auto beta = static_cast<Real>(first ? 0 : next / rho);
-    rho = next;
-    for (std::size_t k = 0; k < y.size(); ++k) {
-      K& direction = p[at(unknown[k])];
-      direction = first ? preconditioned(k) : preconditioned(k) + beta * direction;
+    const double next = context.parallel_sum(r.size(), [&](std::size_t begin, std::size_t end) {
+      double sum = 0;
+      for (std::size_t k = begin; k < end; ++k) {
+        const K z = preconditioned(k);
+        if (first) p[k] = z;
+        sum += inner(r[k], z);
+      }
+      return sum;
+    });
+    if (!first) {
+      const auto beta = static_cast<Real>(next / rho);
+      context.parallel_for(r.size(), grain, [&](std::size_t begin, std::size_t end) {
+        for (std::size_t k = begin; k < end; ++k) p[k] = preconditioned(k) + beta * p[k];
+      });
     }
-    multiply<K>(matrix(), p, product);
-    double curvature = 0;
-    for (std::size_t i = 0; i < p.size(); ++i) curvature += inner(p[i], product[i]);
+    rho = next;
+    const double curvature = context.parallel_sum(r.size(), [&](std::size_t begin, std::size_t end) {
+      double sum = 0;
+      for (std::size_t k = begin; k < end; ++k) {
+        product[k] = matrix_.row_times(k, p);
+        sum += inner(p[k], product[k]);
+      }
+      return sum;
+    });
     if (!(rho > 0 && curvature > 0)) return unsolved("the matrix is not positive definite");
     const auto step = static_cast<Real>(rho / curvature);
-    for (std::size_t i = 0; i < p.size(); ++i) {
-      x[i] += step * p[i];
-      r[i] -= step * product[i];
-    }
+    take_sizes(context, work, [&](std::size_t k) {
+      solution[k] += step * p[k];
+      return r[k] -= step * product[k];
+    });
     return {};
+  }
+
+  // Those of the numbers residual(k).
+  template <class Residual>
+  void take_sizes(const Context& context, Workspace& work, Residual&& residual) const {
+    using Sums = Eigen::Array2d;
+    const auto of_run = [&](std::size_t begin, std::size_t end) {
+      Sums sum = Sums::Zero();
+      for (std::size_t k = begin; k < end; ++k) {
+        const K r = residual(k);
+        const double square = inner(r, r);
+        sum += Sums(square, square * (static_cast<double>(scale_[k]) * scale_[k]));
+      }
+      return sum;
+    };
+    const Sums squares = context.parallel_sum<Sums>(scale_.size(), of_run, Sums::Zero());
+    work.size = std::sqrt(squares[0]);
+    work.scaled_size = std::sqrt(squares[1]);
   }
 
   // Re x̄ y, and |x|², in double.
@@ -241,16 +284,11 @@ class MixedCholesky {
     else
       return static_cast<double>(x.real()) * y.real() + static_cast<double>(x.imag()) * y.imag();
   }
-  static double square(std::span<const K> v) {
-    double sum = 0;
-    for (const K& each : v) sum += inner(each, each);
-    return sum;
-  }
 
   MixedOptions options_;
   SupernodalCholesky<Rough> rough_;
-  std::vector<K> values_;    // of the last matrix
-  std::vector<Real> scale_;  // what takes its diagonal to 1
+  detail::OrderedRows<K> matrix_;
+  std::vector<Real> scale_;  // what takes its diagonal to 1, in the order of elimination
   std::optional<SupernodalCholesky<K>> exact_;
   Workspace workspace_;  // of one solve, kept for the next
   bool factorized_ = false;

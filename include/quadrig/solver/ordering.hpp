@@ -2,6 +2,7 @@
 #pragma once
 
 #include "quadrig/solver/dissection.hpp"
+#include "quadrig/solver/minimum_degree.hpp"
 
 namespace quadrig {
 
@@ -16,12 +17,6 @@ enum class Ordering : std::uint8_t {
          : ordering == Ordering::nested_dissection ? "nested dissection"
                                                    : "automatic";
 }
-
-namespace detail {
-/// Eigen's approximate minimum degree on a pattern. \cost about 0.4 µs an unknown on surfaces. \fails never
-[[nodiscard]] std::vector<Index> minimum_degree(Index size, std::span<const Index> column_starts,
-                                                std::span<const Index> rows);
-}  // namespace detail
 
 struct EliminationOrder {
   std::vector<Index> unknowns;  ///< the k-th to be eliminated

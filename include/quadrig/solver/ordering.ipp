@@ -1,24 +1,10 @@
 // Definitions of solver/ordering.hpp.
 #pragma once
 
-#include <Eigen/OrderingMethods>
-
 #include "quadrig/solver/ordering.hpp"
 #include "quadrig/solver/symbolic.hpp"
 
 namespace quadrig {
-
-QUADRIG_INLINE std::vector<Index> detail::minimum_degree(Index size, std::span<const Index> column_starts,
-                                                         std::span<const Index> rows) {
-  Eigen::SparseMatrix<float, Eigen::ColMajor, Index> pattern(size, size);
-  pattern.resizeNonZeros(static_cast<Eigen::Index>(rows.size()));
-  std::copy(column_starts.begin(), column_starts.end(), pattern.outerIndexPtr());
-  std::copy(rows.begin(), rows.end(), pattern.innerIndexPtr());
-  std::fill_n(pattern.valuePtr(), rows.size(), 1.0f);
-  Eigen::PermutationMatrix<Eigen::Dynamic, Eigen::Dynamic, Index> elimination;
-  Eigen::AMDOrdering<Index>()(pattern.selfadjointView<Eigen::Lower>(), elimination);
-  return {elimination.indices().data(), elimination.indices().data() + size};
-}
 
 QUADRIG_INLINE EliminationOrder elimination_order(Index size, std::span<const Index> column_starts,
                                                   std::span<const Index> rows, Ordering ordering, Context& context) {
@@ -27,9 +13,8 @@ QUADRIG_INLINE EliminationOrder elimination_order(Index size, std::span<const In
   };
   EliminationOrder best;
   // Minimum degree cannot be stopped, and on so many unknowns of a surface dissection is better anyway.
-  constexpr Index always_dissected = 300'000;
   const bool dissect =
-      ordering == Ordering::nested_dissection || (ordering == Ordering::automatic && size > always_dissected);
+      ordering == Ordering::nested_dissection || (ordering == Ordering::automatic && size > detail::large_system);
   if (!dissect) {
     best.unknowns = detail::minimum_degree(size, column_starts, rows);
     constexpr Index always_small = 20'000;

@@ -2,7 +2,7 @@
 #pragma once
 
 #include <array>
-#include <atomic>
+#include <condition_variable>
 #include <memory>
 #include <mutex>
 
@@ -10,6 +10,7 @@
 #include "quadrig/solver/front.hpp"
 #include "quadrig/solver/ordering.hpp"
 #include "quadrig/solver/substitution.hpp"
+#include "quadrig/solver/tree_substitution.hpp"
 
 namespace quadrig {
 
@@ -24,8 +25,10 @@ class SupernodalCholesky {
 
   /// `ordering` is what `analyze` uses where it is given no order. Entries of the factor below `negligible` count as 0:
   /// subnormal numbers take a processor a hundred times as long, and in single precision a factor is full of them.
-  explicit SupernodalCholesky(Ordering ordering = Ordering::automatic, Real negligible = 0)
-      : ordering_(ordering), negligible_(negligible) {}
+  /// Solutions of at least `by_tree_from` unknowns are found by subtrees side by side.
+  explicit SupernodalCholesky(Ordering ordering = Ordering::automatic, Real negligible = 0,
+                              Index by_tree_from = detail::large_system + 1)
+      : ordering_(ordering), negligible_(negligible), by_tree_from_(by_tree_from) {}
 
   [[nodiscard]] static constexpr std::string_view name() { return "supernodal"; }
 
@@ -65,45 +68,10 @@ class SupernodalCholesky {
     const detail::SymbolicFactor& symbolic = analysis_->symbolic;
     factorized_ = false;
     values_.assign(A.values.begin(), A.values.end());
-    panels_.clear();
-    panels_.reserve(symbolic.entries());
-    while (panels_.size() < symbolic.entries()) {  // the first touch of so much memory takes its time
-      if (context.cancelled()) return cancelled_error("solver supernodal");
-      panels_.resize(std::min(symbolic.entries(), panels_.size() + (std::size_t{1} << 20)));
-    }
-    for (std::size_t e = 0; e < values_.size(); ++e) {
-      if (e % (std::size_t{1} << 18) == 0 && context.cancelled()) return cancelled_error("solver supernodal");
-      const std::int64_t place = symbolic.place[e];
-      if (place >= 0)
-        panels_[static_cast<std::size_t>(place)] = values_[e];
-      else
-        panels_[static_cast<std::size_t>(-1 - place)] = conjugate(values_[e]);
-    }
-
+    panels_.resize(symbolic.entries() + detail::substitution_slack);
+    std::fill(panels_.end() - detail::substitution_slack, panels_.end(), K{});
     Run run(symbolic.supernode_count());
-    const unsigned threads = context.thread_count();
-    const std::vector<Index> tasks = subtrees(threads);
-    std::vector<char> done(at(symbolic.supernode_count()), 0);
-    for (const Index root : tasks) {
-      std::fill(done.begin() + symbolic.first_in_tree[at(root)], done.begin() + root + 1, char{1});
-      keep_square(run, root);
-    }
-    std::atomic<std::size_t> next{0};
-    const auto work = [&](std::size_t, std::size_t) {
-      std::array<std::vector<K>, 2> stacks;
-      for (std::size_t k = 0; (k = next.fetch_add(1)) < tasks.size();)
-        eliminate_subtree(run, tasks[k], stacks, context);
-    };
-    if (threads > 1 && tasks.size() > 1)
-      context.parallel_for(threads, 1, work);
-    else
-      work(0, 0);
-    for (Index s = 0; s < symbolic.supernode_count() && !context.cancelled() && run.failure == none; ++s) {
-      if (done[at(s)]) continue;
-      keep_square(run, s);
-      eliminate(run, s, &context, context);
-      for (Index c = symbolic.child[at(s)]; c != no_index; c = symbolic.sibling[at(c)]) run.kept[at(c)].reset();
-    }
+    eliminate_all(run, context);
     if (context.cancelled()) return cancelled_error("solver supernodal");
     if (run.failure != none) {
       const Index unknown = analysis_->unknown[at(run.failure)];
@@ -147,6 +115,13 @@ class SupernodalCholesky {
   void substitute_ordered(std::span<K> y, const Context* context = nullptr) const {
     assert(factorized_ && y.size() == analysis_->unknown.size());
     const detail::SymbolicFactor& symbolic = analysis_->symbolic;
+#if defined(__GNUC__)
+    if (static_cast<Index>(y.size()) >= by_tree_from_) {
+      const Context alone = Context().quiet(1);
+      const Context& own = context ? *context : alone;
+      return detail::substitute_by_tree<K>(symbolic, subtrees(own.thread_count()), panels_.data(), y.data(), own);
+    }
+#endif
     detail::substitute(symbolic, panels_.data(), y.data(), context);
   }
 
@@ -231,47 +206,93 @@ class SupernodalCholesky {
     return heap;
   }
 
+  // Subtrees side by side, and each supernode above them when its children are done; above one that fails, none.
+  void eliminate_all(Run& run, const Context& context) {
+    const detail::SymbolicFactor& symbolic = analysis_->symbolic;
+    const unsigned threads = context.thread_count();
+    std::vector<Index> ready = subtrees(threads), pending(at(symbolic.supernode_count()), 0);
+    std::reverse(ready.begin(), ready.end());  // the last is taken first
+    std::vector<char> is_subtree(pending.size(), 0);
+    for (const Index root : ready) is_subtree[at(root)] = 1;
+    for (std::size_t s = 0; s < pending.size(); ++s)
+      if (symbolic.parent[s] != no_index) ++pending[at(symbolic.parent[s])];
+    unsigned running = 0;
+    std::mutex mutex;
+    std::condition_variable changed;
+    const auto work = [&](std::size_t, std::size_t) {
+      std::array<std::vector<K>, 2> stacks;
+      std::unique_lock lock(mutex);
+      while (true) {
+        changed.wait(lock, [&] { return !ready.empty() || running == 0; });
+        if (ready.empty()) return;
+        const Index s = ready.back();
+        ready.pop_back();
+        const bool alone = ready.empty() && running == 0;
+        ++running;
+        lock.unlock();
+        keep_square(run, s);
+        const bool done = is_subtree[at(s)] ? eliminate_subtree(run, s, stacks, context)
+                                            : eliminate(run, s, alone ? &context : nullptr, context);
+        if (!is_subtree[at(s)])
+          for (Index c = symbolic.child[at(s)]; c != no_index; c = symbolic.sibling[at(c)]) run.kept[at(c)].reset();
+        lock.lock();
+        --running;
+        const Index parent = symbolic.parent[at(s)];
+        if (done && parent != no_index && --pending[at(parent)] == 0) ready.push_back(parent);
+        changed.notify_all();
+      }
+    };
+    context.parallel_for(std::min<std::size_t>(threads, ready.size()), 1, work);
+  }
+
   // Squares of even and odd depths lie on stacks of their own, so that a square is placed before its children's go.
-  void eliminate_subtree(Run& run, Index root, std::array<std::vector<K>, 2>& stacks, const Context& context) {
+  bool eliminate_subtree(Run& run, Index root, std::array<std::vector<K>, 2>& stacks, const Context& context) {
     const detail::SymbolicFactor& symbolic = analysis_->symbolic;
     const Index first = symbolic.first_in_tree[at(root)];
     std::vector<char> odd(at(root - first) + 1, 0);
     for (Index s = root; s-- > first;) odd[at(s - first)] = odd[at(symbolic.parent[at(s)] - first)] == 0;
     const auto square_size = [&](Index s) { return at(symbolic.below(s)) * at(symbolic.below(s)); };
     std::array<std::size_t, 2> top{}, peak{};
-    const auto walk = [&](auto&& visit) {
+    const auto walk = [&](auto&& visit) {  // false where a visit says so
       top = {};
       for (Index s = first; s <= root; ++s) {
         const auto parity = static_cast<std::size_t>(odd[at(s - first)]);
         const std::size_t begin = top[parity];
         if (s != root) top[parity] += square_size(s);
         peak[parity] = std::max(peak[parity], top[parity]);
-        if (!visit(s, parity, begin)) return;
+        if (!visit(s, parity, begin)) return false;
         for (Index c = symbolic.child[at(s)]; c != no_index; c = symbolic.sibling[at(c)])
           top[1 - parity] -= square_size(c);
       }
+      return true;
     };
     walk([](Index, std::size_t, std::size_t) { return true; });
     for (std::size_t k = 0; k < 2; ++k) {
       stacks[k].reserve(peak[k]);
       while (stacks[k].size() < peak[k]) {
-        if (context.cancelled()) return;
+        if (context.cancelled()) return false;
         stacks[k].resize(std::min(peak[k], stacks[k].size() + (std::size_t{1} << 20)));
       }
     }
-    walk([&](Index s, std::size_t parity, std::size_t begin) {
+    return walk([&](Index s, std::size_t parity, std::size_t begin) {
       if (s != root) run.square[at(s)] = stacks[parity].data() + begin;
       return !context.cancelled() && eliminate(run, s, nullptr, context);
     });
   }
 
-  // One front: what its children leave is added in their order, its columns are factored, and the rest is left.
-  // `context` is that of the threads it may use, `asked` is polled. False when it failed or was cancelled.
+  // One front: the given entries, then what its children leave, is added in their order, its columns are factored, and
+  // the rest is left. `context` is that of the threads it may use, `asked` is polled. False when it failed or was
+  // cancelled.
   bool eliminate(Run& run, Index s, const Context* context, const Context& asked) {
     const detail::SymbolicFactor& symbolic = analysis_->symbolic;
     const Index width = symbolic.width(s), below = symbolic.below(s), height = width + below;
     K* const panel = panels_.data() + symbolic.panel[at(s)];
     K* const square = run.square[at(s)];
+    std::fill_n(panel, at(width) * at(height), K{});
+    for (std::size_t e = symbolic.entries_start[at(s)]; e < symbolic.entries_start[at(s) + 1]; ++e) {
+      const Index given = symbolic.given[e];
+      panel[symbolic.inside[e]] = given >= 0 ? values_[at(given)] : conjugate(values_[at(-1 - given)]);
+    }
     for (Index j = 0; j < below; ++j) std::fill_n(square + static_cast<std::ptrdiff_t>(j) * below + j, below - j, K{});
     for (Index c = symbolic.child[at(s)]; c != no_index; c = symbolic.sibling[at(c)]) {
       const Index size = symbolic.below(c);
@@ -309,9 +330,10 @@ class SupernodalCholesky {
 
   Ordering ordering_;
   Real negligible_;
+  Index by_tree_from_;
   std::shared_ptr<const Analysis> analysis_;
   std::vector<K> values_;  // of the last factorization, for residuals
-  std::vector<K> panels_;
+  std::vector<K, detail::Untouched<K>> panels_;
   bool factorized_ = false;
 };
 

@@ -16,9 +16,11 @@ struct SymbolicFactor {
   std::vector<Index> child, sibling;  ///< first child of each supernode, and the next of the same parent
   std::vector<Index> rows;            ///< columns below each supernode, ascending
   std::vector<std::size_t> rows_start;
-  std::vector<Index> relative;       ///< of each entry of `rows`, its row in the parent's front
-  std::vector<std::size_t> panel;    ///< where each supernode's panel begins; the size of the factor at the end
-  std::vector<std::int64_t> place;   ///< of each given entry in the panels; −1 − place where it is to be conjugated
+  std::vector<Index> relative;             ///< of each entry of `rows`, its row in the parent's front
+  std::vector<std::size_t> panel;          ///< where each supernode's panel begins; the size of the factor at the end
+  std::vector<std::size_t> entries_start;  ///< of each supernode in the two lists that follow
+  std::vector<Index> given;          ///< the given entries of its panel; −1 − entry where it is to be conjugated
+  std::vector<std::size_t> inside;   ///< where each of them lies in the panel
   std::vector<double> work;          ///< multiplications in the subtree of each supernode
   std::vector<Index> first_in_tree;  ///< first supernode of each one's subtree
 
@@ -154,11 +156,13 @@ class SymbolicBuilder {
       if (i != j) ++starts[at(std::min(position_[i], position_[j])) + 1];
     });
     for (std::size_t k = 0; k < at(n_); ++k) starts[k + 1] += starts[k];
-    std::vector<Index> after(at(starts.back())), next(starts.begin(), starts.end());
-    for_each_entry([&](std::size_t, std::size_t i, std::size_t j) {
+    std::vector<Index> after(at(starts.back())), given(after.size()), next(starts.begin(), starts.end());
+    for_each_entry([&](std::size_t e, std::size_t i, std::size_t j) {
       if (i == j) return;
-      const auto [low, high] = std::minmax(position_[i], position_[j]);
-      after[at(next[at(low)]++)] = high;
+      const Index p = position_[i], q = position_[j];
+      const auto place = at(next[at(std::min(p, q))]++);
+      after[place] = std::max(p, q);
+      given[place] = p > q ? static_cast<Index>(e) : -1 - static_cast<Index>(e);
     });
     if (cancelled()) return;
 
@@ -189,6 +193,7 @@ class SymbolicBuilder {
       if (parent_[at(j)] != no_index) counts_[at(parent_[at(j)])] += counts_[at(j)];
     after_starts_ = std::move(starts);
     after_ = std::move(after);
+    after_given_ = std::move(given);
   }
 
   // Supernodes of equal structure, then those merged into their parents where that stores few zeros.
@@ -335,24 +340,41 @@ class SymbolicBuilder {
   }
 
   void locate(SymbolicFactor& factor) const {
-    std::vector<Index> owner(at(n_));
-    for (Index s = 0; s < factor.supernode_count(); ++s)
-      for (Index j = first_[at(s)]; j < first_[at(s) + 1]; ++j) owner[at(j)] = s;
-    factor.place.resize(rows_.size());
-    for_each_entry([&](std::size_t e, std::size_t i, std::size_t j) {
-      const Index p = factor.position[i], q = factor.position[j];
-      const Index column = std::min(p, q), row = std::max(p, q);
-      const auto s = at(owner[at(column)]);
+    const std::size_t count = super_parent_.size();
+    std::vector<Index> old(at(n_)), unknown(at(n_));  // of each column
+    for (Index j = 0; j < n_; ++j) old[at(fresh_[at(j)])] = j;
+    for (Index i = 0; i < n_; ++i) unknown[at(factor.position[at(i)])] = i;
+    factor.entries_start.assign(1, 0);
+    for (std::size_t s = 0; s < count; ++s) {
+      std::size_t entries = at(first_[s + 1] - first_[s]);
+      for (Index j = first_[s]; j < first_[s + 1]; ++j)
+        entries += at(after_starts_[at(old[at(j)]) + 1] - after_starts_[at(old[at(j)])]);
+      factor.entries_start.push_back(factor.entries_start.back() + entries);
+    }
+    factor.given.resize(factor.entries_start.back());
+    factor.inside.resize(factor.entries_start.back());
+    const auto place = [&](std::size_t s) {
       const auto width = at(first_[s + 1] - first_[s]);
-      const std::size_t height = width + factor.rows_start[s + 1] - factor.rows_start[s];
-      std::size_t inside = at(row - first_[s]);
-      if (row >= first_[s + 1]) {
-        const auto begin = factor.rows.begin() + static_cast<std::ptrdiff_t>(factor.rows_start[s]);
-        const auto end = factor.rows.begin() + static_cast<std::ptrdiff_t>(factor.rows_start[s + 1]);
-        inside = width + static_cast<std::size_t>(std::lower_bound(begin, end, row) - begin);
+      const auto begin = factor.rows.begin() + static_cast<std::ptrdiff_t>(factor.rows_start[s]);
+      const auto end = factor.rows.begin() + static_cast<std::ptrdiff_t>(factor.rows_start[s + 1]);
+      const std::size_t height = width + static_cast<std::size_t>(end - begin);
+      std::size_t e = factor.entries_start[s];
+      for (Index j = first_[s]; j < first_[s + 1]; ++j) {
+        const std::size_t column = at(j - first_[s]);
+        factor.given[e] = column_starts_[at(unknown[at(j)])];
+        factor.inside[e++] = column * height + column;
+        for (Index k = after_starts_[at(old[at(j)])]; k < after_starts_[at(old[at(j)]) + 1]; ++k) {
+          const Index row = fresh_[at(after_[at(k)])];
+          const std::size_t inside = row < first_[s + 1]
+                                         ? at(row - first_[s])
+                                         : width + static_cast<std::size_t>(std::lower_bound(begin, end, row) - begin);
+          factor.given[e] = after_given_[at(k)];
+          factor.inside[e++] = column * height + inside;
+        }
       }
-      const auto place = static_cast<std::int64_t>(factor.panel[s] + at(column - first_[s]) * height + inside);
-      factor.place[e] = p >= q ? place : -1 - place;  // the given entry is (i, j)
+    };
+    parallel_for(context_, count, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t s = begin; s < end && !(s % 4096 == 0 && cancelled()); ++s) place(s);
     });
   }
 
@@ -362,7 +384,7 @@ class SymbolicBuilder {
   Index n_;
   std::span<const Index> column_starts_, rows_;
   const Context* context_;
-  std::vector<Index> position_, starts_, before_, parent_, counts_, after_starts_, after_;
+  std::vector<Index> position_, starts_, before_, parent_, counts_, after_starts_, after_, after_given_;
   std::vector<Index> first_, super_parent_, fresh_;
 };
 
