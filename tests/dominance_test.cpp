@@ -70,8 +70,8 @@ TEST_CASE("dominance: the gradient of ω1 gives back its differences along the e
   for (Index h = 0; h < mesh.halfedge_count(); ++h) {
     const double difference =
         omega[static_cast<std::size_t>(mesh.target(h))] - omega[static_cast<std::size_t>(mesh.origin(h))];
-    CHECK(dominance->gradient_omega1(h / 3).dot(mesh.edge_vector(h)) == Approx(difference).margin(1e-12));
-    CHECK(std::abs(dominance->gradient_omega1(h / 3).dot(mesh.normal(h / 3))) < 1e-12);
+    CHECK(dominance->gradient_omega1(mesh, h / 3).dot(mesh.edge_vector(h)) == Approx(difference).margin(1e-12));
+    CHECK(std::abs(dominance->gradient_omega1(mesh, h / 3).dot(mesh.normal(h / 3))) < 1e-12);
   }
 }
 

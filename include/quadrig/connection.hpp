@@ -17,26 +17,28 @@ template <class Scalar>
 /// Tangent vectors of a face as complex numbers: the real axis is the unit vector along half-edge 3 f, the imaginary
 /// axis is normal × real axis.
 /// \pre no face has zero area (prepare removes them)
-/// \cost O(m) time, 96 m bytes. \fails never. Source: Crane et al. 2010; thesis (3.2).
+/// Threads: those of the context. \cost O(m) time, 96 m bytes. \fails never. Source: Crane et al. 2010; thesis (3.2).
 template <class Scalar = double>
 class Connection {
  public:
   using Vector = Eigen::Matrix<Scalar, 3, 1>;
   using K = std::complex<Scalar>;
 
-  explicit Connection(const TriangleMesh<Scalar>& mesh)
+  explicit Connection(const TriangleMesh<Scalar>& mesh, const Context* context = nullptr)
       : real_axes_(mesh.face_count(), 3),
         imaginary_axes_(mesh.face_count(), 3),
         edges_(static_cast<std::size_t>(mesh.halfedge_count())) {
-    for (Index f = 0; f < mesh.face_count(); ++f) {
-      const Vector x = mesh.edge_vector(3 * f).normalized();
-      real_axes_.row(f) = x.transpose();
-      imaginary_axes_.row(f) = mesh.normal(f).cross(x).transpose();
-      for (Index h = 3 * f; h < 3 * f + 3; ++h) {
-        const K z = to_complex(f, mesh.edge_vector(h));
-        edges_[static_cast<std::size_t>(h)] = z / std::abs(z);
+    parallel_for(context, static_cast<std::size_t>(mesh.face_count()), [&](std::size_t begin, std::size_t end) {
+      for (auto f = static_cast<Index>(begin); f < static_cast<Index>(end); ++f) {
+        const Vector x = mesh.edge_vector(3 * f).normalized();
+        real_axes_.row(f) = x.transpose();
+        imaginary_axes_.row(f) = mesh.normal(f).cross(x).transpose();
+        for (Index h = 3 * f; h < 3 * f + 3; ++h) {
+          const K z = to_complex(f, mesh.edge_vector(h));
+          edges_[static_cast<std::size_t>(h)] = z / std::abs(z);
+        }
       }
-    }
+    });
   }
 
   /// Components of a 3D vector in the face's basis; its normal part is dropped.

@@ -40,15 +40,24 @@ class Dominance {
   [[nodiscard]] double omega(Index face, std::size_t k) const {
     return static_cast<double>(k) * (share(face, k).weight - share(face, k + 1).weight);
   }
-  /// ω_1 of each vertex, and its gradient on each face (m×3, one over length) as a piecewise linear function.
+  /// ω_1 of each vertex.
   [[nodiscard]] const std::vector<double>& vertex_omega1() const { return vertex_omega1_; }
-  [[nodiscard]] Vector3 gradient_omega1(Index face) const { return gradient_.row(face).transpose(); }
+  /// Its gradient on a face, one over length, as a piecewise linear function. \pre the mesh of `create`
+  template <class Scalar>
+  [[nodiscard]] Vector3 gradient_omega1(const TriangleMesh<Scalar>& mesh, Index face) const {
+    Vector3 gradient = Vector3::Zero();
+    if (!(mesh.area(face) > 0)) return gradient;
+    for (Index h = 3 * face; h < 3 * face + 3; ++h) {
+      const auto across = static_cast<std::size_t>(mesh.origin(TriangleMesh<Scalar>::prev(h)));
+      gradient += vertex_omega1_[across] * mesh.normal(face).cross(mesh.edge_vector(h)).template cast<double>();
+    }
+    return gradient / (2 * static_cast<double>(mesh.area(face)));
+  }
 
  private:
   std::vector<std::size_t> starts_{0};
   std::vector<BoneShare> shares_;
   std::vector<double> vertex_omega1_;
-  Points<double> gradient_;
 };
 
 template <class Scalar>
@@ -129,18 +138,6 @@ Expected<Dominance> Dominance::create(const TriangleMesh<Scalar>& mesh, const Ri
           second = std::max(second, entry.value());
       }
       result.vertex_omega1_[v] = first - second;
-    }
-  });
-  result.gradient_.setZero(mesh.face_count(), 3);
-  each_run(m, [&](std::size_t, std::size_t begin, std::size_t end) {
-    for (auto f = static_cast<Index>(begin); f < static_cast<Index>(end); ++f) {
-      if (!(mesh.area(f) > 0)) continue;
-      Vector3 gradient = Vector3::Zero();
-      for (Index h = 3 * f; h < 3 * f + 3; ++h) {
-        const auto vertex = static_cast<std::size_t>(mesh.origin(TriangleMesh<Scalar>::prev(h)));  // across from h
-        gradient += result.vertex_omega1_[vertex] * mesh.normal(f).cross(mesh.edge_vector(h)).template cast<double>();
-      }
-      result.gradient_.row(f) = gradient.transpose() / (2 * static_cast<double>(mesh.area(f)));
     }
   });
   if (context && context->cancelled()) return cancelled_error("dominance");

@@ -43,7 +43,7 @@ template <class Scalar>
 template <class Scalar>
 [[nodiscard]] BoneDensity two_bone_density(const TriangleMesh<Scalar>& mesh, const Connection<Scalar>& connection,
                                            const Skeleton& skeleton, const Dominance& dominance, Index face) {
-  const Vector3 gradient = dominance.gradient_omega1(face);
+  const Vector3 gradient = dominance.gradient_omega1(mesh, face);
   const double slope = gradient.norm();
   if (slope * std::sqrt(static_cast<double>(mesh.area(face))) < 1e-9) return {1, 1};
   const Complex along = Complex(connection.to_complex(face, gradient.template cast<Scalar>())) / slope;

@@ -293,8 +293,21 @@ Expected<PolyVectorTargets> curvature_targets(const FieldProblem<Scalar>& proble
   return targets;
 }
 
-QUADRIG_INLINE void add_targets(PolyVectorTargets& sum, const PolyVectorTargets& other, double factor,
+// `sum` may have no entries yet.
+QUADRIG_INLINE void add_targets(PolyVectorTargets& sum, PolyVectorTargets other, double factor,
                                 const Context& context) {
+  if (sum.weight.empty()) {
+    sum = std::move(other);
+    return parallel_for(&context, sum.weight.size(), [&](std::size_t begin, std::size_t end) {
+      for (std::size_t f = begin; f < end; ++f) {
+        const double weight = factor * sum.weight[f];
+        const bool pulls = weight > 0;
+        sum.x0[f] = pulls ? weight * sum.x0[f] / weight : 0;
+        sum.x1[f] = pulls ? weight * sum.x1[f] / weight : 0;
+        sum.weight[f] = pulls ? weight : 0;
+      }
+    });
+  }
   parallel_for(&context, sum.weight.size(), [&](std::size_t begin, std::size_t end) {
     for (std::size_t f = begin; f < end; ++f) {
       const double weight = factor * other.weight[f], total = sum.weight[f] + weight;
@@ -407,7 +420,7 @@ Expected<FieldResult> design_smooth_field(const FieldProblem<Scalar>& problem, c
   if (!solver) return solver.error();
   if (context.cancelled()) return cancelled_error("field");
 
-  PolyVectorTargets targets = PolyVectorTargets::none(mesh.face_count());
+  PolyVectorTargets targets;
   const double bone_weight = options.bone_weight.value_or(flat ? 0.0 : 1.0);
   const double curvature_weight = options.curvature_weight.value_or(flat ? 1.0 : 0.0);
   std::vector<double> beta(m, 0.5);
@@ -420,9 +433,10 @@ Expected<FieldResult> design_smooth_field(const FieldProblem<Scalar>& problem, c
   if (curvature_weight > 0) {
     auto curved = curvature_targets(problem, scales, options.curvature_length, *solver, context);
     if (!curved) return curved.error();
-    add_targets(targets, *curved, curvature_weight, context);
+    add_targets(targets, std::move(*curved), curvature_weight, context);
   }
   if (options.targets) add_targets(targets, *options.targets, 1, context);
+  if (targets.weight.empty()) targets = PolyVectorTargets::none(mesh.face_count());
   if (context.cancelled()) return cancelled_error("field");
 
   // Given directions first, then borders, features, and creases: a face keeps the first it gets.
@@ -503,8 +517,8 @@ Expected<FieldResult> design_smooth_field(const FieldProblem<Scalar>& problem, c
   PolyVectorField polynomial{std::move((*solved)[0]), skewed ? std::move((*solved)[1]) : std::vector<Complex>(m)};
   if (context.cancelled()) return cancelled_error("field");
   const std::span<const Complex> x0 = polynomial.x0, x1 = polynomial.x1;
-  std::array<double, 5> energies{};
-  context.parallel_for(energies.size(), 1, [&](std::size_t begin, std::size_t end) {
+  std::array<double, 5> energies{};  // without x1 the last three are 0
+  context.parallel_for(skewed ? energies.size() : 2, 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t k = begin; k < end; ++k)
       energies[k] = k == 0   ? smoothness_energy(problem, 4, smoothness, x0)
                     : k == 1 ? energy_of<Complex>(Alignment<>(targets.x0, align), x0)

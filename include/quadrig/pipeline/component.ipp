@@ -171,7 +171,7 @@ class ComponentRemesher {
       return false;
     }
     if (context_.cancelled()) return cancelled_error("remesh");
-    const Connection<double> connection(mesh);
+    const Connection<double> connection(mesh, &context_);
     if (context_.cancelled()) return cancelled_error("remesh");
     Expected<FieldResult> field =
         design_field(piece->asset, connection, field_options(attempt, *piece, connection), context_);

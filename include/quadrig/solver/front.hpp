@@ -94,6 +94,9 @@ struct FrontTile {
     for (; i + 2 * lanes <= rows; i += 2 * lanes)
       subtract<2, C>(left + i, left_stride, right, depth, target + i, stride);
     for (; i + lanes <= rows; i += lanes) subtract<1, C>(left + i, left_stride, right, depth, target + i, stride);
+    if constexpr (lanes >= 4)
+      for (; i + lanes / 2 <= rows; i += lanes / 2)
+        FrontTile<K, bytes / 2>::template subtract<1, C>(left + i, left_stride, right, depth, target + i, stride);
     for (; i < rows; ++i)
       for (int c = 0; c < C; ++c) subtract_one(left + i, left_stride, right + c, depth, target + c * stride + i);
   }

@@ -267,7 +267,9 @@ class SymbolicBuilder {
     for (std::size_t k = 0; k < sequence.size(); ++k) place[at(sequence[k])] = static_cast<Index>(k);
     first_.assign(heads.size() + 1, 0);
     super_parent_.assign(heads.size(), no_index);
+    rows_count_ = 0;
     for (std::size_t k = 0; k < heads.size(); ++k) {
+      rows_count_ += at(below[at(heads[k])]);
       first_[at(place[k]) + 1] = width[at(heads[k])];
       if (tree[k] != no_index) super_parent_[at(place[k])] = place[at(tree[k])];
     }
@@ -294,6 +296,7 @@ class SymbolicBuilder {
     factor.work.assign(count, 0);
     factor.first_in_tree.resize(count);
     std::vector<Index>& rows = factor.rows;
+    rows.reserve(rows_count_);
     for (std::size_t s = 0; s < count; ++s) {
       if (s % 4096 == 0 && cancelled()) return;
       const auto me = static_cast<Index>(s);
@@ -386,6 +389,7 @@ class SymbolicBuilder {
   const Context* context_;
   std::vector<Index> position_, starts_, before_, parent_, counts_, after_starts_, after_, after_given_;
   std::vector<Index> first_, super_parent_, fresh_;
+  std::size_t rows_count_ = 0;  // below all supernodes
 };
 
 }  // namespace quadrig::detail
