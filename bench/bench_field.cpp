@@ -20,7 +20,7 @@ void design(benchmark::State& state, FieldPreset preset, const std::string& back
   context.threads = threads;
   FieldSolverReport report;
   for (auto _ : state) {
-    const Connection<double> connection(asset.mesh);
+    const Connection<double> connection(asset.mesh, &context);
     const auto field = design_field(asset, connection, options, context);
     if (!field) return state.SkipWithError(field.error().message().c_str());
     report = field->report.solve;
