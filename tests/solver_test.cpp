@@ -567,6 +567,36 @@ TEMPLATE_TEST_CASE("solver: subtrees side by side find the solution, with the sa
   }
 }
 
+TEST_CASE("solver: subtrees that are cancelled end soundly, wherever it happens", "[solver]") {
+  const Strip<Complex> strip(60, 200);
+  const auto A = strip.form.matrix();
+  const auto b = strip.form.rhs();
+  for (const unsigned threads : {1u, 3u}) {
+    Context context;
+    context.threads = threads;
+    SupernodalCholesky<Complex> solver(Ordering::automatic, 0, 0);
+    REQUIRE(solver.analyze(A, {}, context).ok());
+    REQUIRE(solver.factorize(A, context).ok());
+    std::vector<Complex> x(b.size()), wanted(b.size());
+    REQUIRE(solver.solve(b, wanted, context).status.ok());
+    std::atomic<int> polls{0};
+    int most = 0;
+    context.on_poll = [&] { return ++polls > most; };
+    SolveInfo info;
+    int cancelled = 0;
+    for (most = 0; most < 10000; ++most) {
+      polls = 0;
+      info = solver.solve(b, x, context);
+      if (info.status.ok()) break;
+      CHECK(info.status.error().code == ErrorCode::cancelled);
+      ++cancelled;
+    }
+    CHECK(cancelled > 10);
+    CHECK(info.status.ok());
+    CHECK((x == wanted));
+  }
+}
+
 TEST_CASE("solver: of several pivots that fail the first is named, at any number of threads", "[solver]") {
   const Strip<double> strip(60, 200);
   const auto A = strip.form.matrix();

@@ -20,8 +20,8 @@ struct RealOf<std::complex<T>> {
 }  // namespace detail
 
 namespace detail {
-/// Systems of more unknowns are always dissected, and take what pays for such alone: fields mixed precision, all of
-/// them substitution by subtrees. At most so many give the bits that they ever gave.
+/// Systems of more unknowns are always dissected and substituted by subtrees, and those of fields are factored in
+/// single precision: what pays for such alone, and would change the last bits of smaller ones.
 inline constexpr Index large_system = 300'000;
 
 /// Whether functions for single precision may fuse products and sums where the processor can: its last bits then depend

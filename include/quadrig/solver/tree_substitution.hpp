@@ -9,7 +9,7 @@
 
 namespace quadrig::detail {
 
-/// What is read past the end of a panel, and past that of a front: a vector's worth.
+/// What is read past the end of a panel, and past that of a front: up to a vector.
 inline constexpr Index substitution_slack = 8;
 
 #if defined(__GNUC__)  // others go without it
@@ -57,9 +57,10 @@ class TreeSubstitution {
       : symbolic_(symbolic), panels_(panels), y_(y), context_(context) {}
 
   /// Through the supernodes [first, last), each of which takes what its children left on the stack and leaves what its
-  /// parent will take.
-  QUADRIG_INTO_CALLER void forward(Index first, Index last, SubstitutionStack<K>& stack) const {
-    for (Index s = first; s < last && !stopped(s); ++s) {
+  /// parent will take. False once cancelled: the stack lacks something then.
+  QUADRIG_INTO_CALLER bool forward(Index first, Index last, SubstitutionStack<K>& stack) const {
+    for (Index s = first; s < last; ++s) {
+      if (stopped(s)) return false;
       const Index width = symbolic_.width(s), below = symbolic_.below(s), height = width + below;
       K* const front = stack.front(height);
       K* const own = y_ + symbolic_.first[at(s)];
@@ -94,6 +95,7 @@ class TreeSubstitution {
       std::copy_n(front, width, own);
       stack.push(front + width, below);
     }
+    return true;
   }
 
   /// Through the supernodes [first, last) from the last, whose rows below are done.
@@ -271,8 +273,10 @@ void substitute_by_tree(const SymbolicFactor& symbolic, std::span<const Index> r
   const auto at = [](Index s) { return static_cast<std::size_t>(s); };
   const TreeSubstitution<K> pass(symbolic, panels, y, context);
   const auto forward = [&](Index first, Index last, SubstitutionStack<K>& stack) {
-    run_best<real_of<K>>([&pass, &stack, first, last]()
-                             QUADRIG_INTO_CALLER_LAMBDA { pass.forward(first, last, stack); });
+    bool done = false;
+    run_best<real_of<K>>([&pass, &stack, &done, first, last]()
+                             QUADRIG_INTO_CALLER_LAMBDA { done = pass.forward(first, last, stack); });
+    return done;
   };
   const auto backward = [&](Index first, Index last, SubstitutionStack<K>& stack) {
     run_best<real_of<K>>([&pass, &stack, first, last]()
@@ -287,22 +291,24 @@ void substitute_by_tree(const SymbolicFactor& symbolic, std::span<const Index> r
   };
 
   std::vector<std::vector<K>> left(roots.size());
+  std::atomic<bool> done{true};
   each_subtree([&](std::size_t k, SubstitutionStack<K>& stack) {
     stack.clear();
-    forward(symbolic.first_in_tree[at(roots[k])], roots[k] + 1, stack);
+    if (!forward(symbolic.first_in_tree[at(roots[k])], roots[k] + 1, stack)) done = false;
     left[k].assign(stack.all().begin(), stack.all().end());
   });
+  if (!done) return;
   std::vector<std::pair<Index, std::size_t>> ascending;
   for (std::size_t k = 0; k < roots.size(); ++k) ascending.emplace_back(roots[k], k);
   std::sort(ascending.begin(), ascending.end());
   SubstitutionStack<K> stack;
   Index next = 0;
   for (const auto& [root, k] : ascending) {
-    forward(next, symbolic.first_in_tree[at(root)], stack);
+    if (!forward(next, symbolic.first_in_tree[at(root)], stack)) return;
     stack.push(left[k].data(), static_cast<Index>(left[k].size()));
     next = root + 1;
   }
-  forward(next, symbolic.supernode_count(), stack);
+  if (!forward(next, symbolic.supernode_count(), stack)) return;
   next = symbolic.supernode_count();
   for (std::size_t a = ascending.size(); a-- > 0;) {
     backward(ascending[a].first + 1, next, stack);
