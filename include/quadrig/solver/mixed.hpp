@@ -214,7 +214,10 @@ class MixedCholesky {
 
   // One step of conjugate gradients from a solution whose residual is known.
   Status advance(Workspace& work, Context& context) const {
-    auto& [solution, r, p, product, y, size, scaled_size, rho] = work;
+    std::vector<K>&solution = work.solution, &r = work.residual, &p = work.direction, &product = work.product;
+    std::vector<Rough>& y = work.y;
+    const double scaled_size = work.scaled_size;  // taken anew at the end
+    double& rho = work.rho;
     if (context.cancelled()) return cancelled_error(where());
     context.parallel_for(r.size(), grain, [&](std::size_t begin, std::size_t end) {
       for (std::size_t k = begin; k < end; ++k)
