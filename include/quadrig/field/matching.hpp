@@ -64,8 +64,8 @@ template <class Scalar>
 
 /// Inside, I4 = (2π − Σ angles − Σ ρ) / (π/2), rounded, over the half-edges that end at the vertex; on the boundary
 /// (π − Σ angles − Σ ρ) / (π/2), whose sum over a border loop is whole for any field: it is rounded so that the sum is
-/// kept. Threads: those of the context. \cost O(m). \fails numeric where Gauss–Bonnet (Σ angle defects = 2πχ), Σ I4 ≡ Σ
-/// r mod 4 at a vertex, or
+/// kept. Threads: those of the context.
+/// \cost O(m). \fails numeric where Gauss–Bonnet (Σ angle defects = 2πχ), Σ I4 ≡ Σ r mod 4 at a vertex, or
 ///   Poincaré–Hopf (Σ I4 = 4χ) does not hold: the matching is not of this mesh, or the mesh has degenerate faces.
 /// Source: Gauss–Bonnet and Poincaré–Hopf; Ray et al. 2008.
 template <class Scalar>
