@@ -626,7 +626,7 @@ TEST_CASE("solver: rows in the order of elimination are those of the matrix", "[
   for (Index k = 0; k < A.size; ++k) order[at(k)] = (k * 67 + 5) % A.size;
   Context context;
   detail::OrderedRows<Complex> rows;
-  rows.analyze(A, order);
+  rows.analyze(A, order, context);
   rows.fill(A.values, context);
   std::vector<Complex> x(order.size()), ordered(x.size()), product(x.size());
   for (std::size_t i = 0; i < x.size(); ++i)

@@ -28,15 +28,14 @@ class Connection {
       : real_axes_(mesh.face_count(), 3),
         imaginary_axes_(mesh.face_count(), 3),
         edges_(static_cast<std::size_t>(mesh.halfedge_count())) {
-    parallel_for(context, static_cast<std::size_t>(mesh.face_count()), [&](std::size_t begin, std::size_t end) {
-      for (auto f = static_cast<Index>(begin); f < static_cast<Index>(end); ++f) {
-        const Vector x = mesh.edge_vector(3 * f).normalized();
-        real_axes_.row(f) = x.transpose();
-        imaginary_axes_.row(f) = mesh.normal(f).cross(x).transpose();
-        for (Index h = 3 * f; h < 3 * f + 3; ++h) {
-          const K z = to_complex(f, mesh.edge_vector(h));
-          edges_[static_cast<std::size_t>(h)] = z / std::abs(z);
-        }
+    parallel_each(context, static_cast<std::size_t>(mesh.face_count()), [&](std::size_t i) {
+      const auto f = static_cast<Index>(i);
+      const Vector x = mesh.edge_vector(3 * f).normalized();
+      real_axes_.row(f) = x.transpose();
+      imaginary_axes_.row(f) = mesh.normal(f).cross(x).transpose();
+      for (Index h = 3 * f; h < 3 * f + 3; ++h) {
+        const K z = to_complex(f, mesh.edge_vector(h));
+        edges_[static_cast<std::size_t>(h)] = z / std::abs(z);
       }
     });
   }
@@ -71,9 +70,7 @@ template <class Scalar>
   for (Index v = 0; v < mesh.vertex_count(); ++v)
     defect[v] = mesh.outgoing(v) == no_index ? Scalar(0) : mesh.on_boundary(v) ? pi : 2 * pi;
   std::vector<Scalar> angle(static_cast<std::size_t>(mesh.halfedge_count()));
-  parallel_for(context, angle.size(), [&](std::size_t begin, std::size_t end) {
-    for (std::size_t h = begin; h < end; ++h) angle[h] = mesh.corner_angle(static_cast<Index>(h));
-  });
+  parallel_each(context, angle.size(), [&](std::size_t h) { angle[h] = mesh.corner_angle(static_cast<Index>(h)); });
   for (std::size_t h = 0; h < angle.size(); ++h) defect[mesh.origin(static_cast<Index>(h))] -= angle[h];
   return defect;
 }

@@ -91,6 +91,13 @@ void parallel_for(const Context* context, std::size_t n, Body&& body) {
   else
     body(std::size_t{0}, n);
 }
+/// Calls body(i) for every i below n. Bodies write only what is theirs.
+template <class Body>
+void parallel_each(const Context* context, std::size_t n, Body&& body) {
+  parallel_for(context, n, [&body](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) body(i);
+  });
+}
 
 inline Error cancelled_error(std::string_view stage) {
   return {ErrorCode::cancelled, "cancelled by the caller", std::string(stage), {}};

@@ -24,17 +24,6 @@ namespace detail {
 /// single precision: what pays for such alone, and would change the last bits of smaller ones.
 inline constexpr Index large_system = 300'000;
 
-/// Whether functions for single precision may fuse products and sums where the processor can: its last bits then depend
-/// on the processor. Double precision never fuses, and gives the same bits everywhere.
-#if defined(__GNUC__) && defined(__x86_64__)
-#if defined(__clang__)
-#define QUADRIG_FUSED __attribute__((target("avx2,fma")))
-#else
-#define QUADRIG_FUSED __attribute__((target("avx2,fma"), optimize("fp-contract=fast")))
-#endif
-inline bool can_fuse() { return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"); }
-#endif
-
 /// An allocator whose numbers are as the memory was: for many that are written side by side.
 template <class T>
 struct Untouched : std::allocator<T> {

@@ -88,17 +88,15 @@ template <class Scalar>
                                                     std::span<const double> face_factor = {},
                                                     const Context* context = nullptr) {
   std::vector<double> weights(static_cast<std::size_t>(mesh.halfedge_count()), 0.0);
-  const auto weigh = [&](Index h) {
+  parallel_each(context, weights.size(), [&](std::size_t i) {
+    const auto h = static_cast<Index>(i);
     const Index twin = mesh.twin(h);
     if (twin == no_index) return;
     const double area = static_cast<double>(mesh.area(h / 3)) + static_cast<double>(mesh.area(twin / 3));
     double weight = 3 * static_cast<double>(mesh.edge_vector(h).squaredNorm()) / area;
     if (!face_factor.empty())
       weight *= (face_factor[static_cast<std::size_t>(h / 3)] + face_factor[static_cast<std::size_t>(twin / 3)]) / 2;
-    weights[static_cast<std::size_t>(h)] = weight;
-  };
-  parallel_for(context, weights.size(), [&](std::size_t begin, std::size_t end) {
-    for (std::size_t h = begin; h < end; ++h) weigh(static_cast<Index>(h));
+    weights[i] = weight;
   });
   return weights;
 }

@@ -26,6 +26,7 @@ RemeshReport together(std::span<const GltfRemeshed> all) {
     if (r.quads > largest) {
       largest = r.quads;
       sum.field = r.field;
+      sum.backends = r.backends;
     }
   }
   if (sum.quads > 0) sum.scaled_jacobian_average /= sum.quads;

@@ -62,7 +62,8 @@ template <class Scalar>
                                              const BoneTargetOptions& options = {}, const Context* context = nullptr) {
   const bool unit = options.lengths == BoneTargetOptions::Lengths::unit;
   PolyVectorTargets targets = PolyVectorTargets::none(mesh.face_count());
-  const auto aim = [&](Index f) {
+  parallel_each(context, targets.weight.size(), [&](std::size_t i) {
+    const auto f = static_cast<Index>(i);
     const BoneShare first = dominance.share(f, 1), second = dominance.share(f, 2);
     const double omega1 = dominance.omega(f, 1), omega2 = dominance.omega(f, 2);
     if (first.bone == no_index || !skeleton.bones[static_cast<std::size_t>(first.bone)].has_direction) return;
@@ -72,7 +73,6 @@ template <class Scalar>
     const bool second_pulls =
         second.bone != no_index && skeleton.bones[static_cast<std::size_t>(second.bone)].has_direction;
     const double w1 = first.weight, w2 = second_pulls ? second.weight : 0.0;
-    const auto i = static_cast<std::size_t>(f);
 
     if (unit) {
       // −b⁴/|b|² is the unit cross times |b|²: a bone that stands on the face has no say in it.
@@ -104,9 +104,6 @@ template <class Scalar>
     targets.x0[i] = (omega1 * -integer_power(unit_bone, 4) + omega2 * two0) / (omega1 + omega2);
     targets.x1[i] = omega2 * two1 / (omega1 + omega2);
     targets.weight[i] = bone_alpha(dominance, f);
-  };
-  parallel_for(context, targets.weight.size(), [&](std::size_t begin, std::size_t end) {
-    for (std::size_t f = begin; f < end; ++f) aim(static_cast<Index>(f));
   });
   return targets;
 }

@@ -110,11 +110,9 @@ QUADRIG_INLINE double median(std::span<double> values) {
 // |x| per face as numbers that do not depend on the bases.
 QUADRIG_INLINE void describe_polynomial(const PolyVectorField& field, FieldReport& report, const Context& context) {
   std::vector<double> size(field.x0.size()), other(size.size());
-  parallel_for(&context, size.size(), [&](std::size_t begin, std::size_t end) {
-    for (std::size_t f = begin; f < end; ++f) {
-      size[f] = std::sqrt(std::norm(field.x0[f]));
-      other[f] = std::sqrt(std::norm(field.x1[f]));
-    }
+  parallel_each(&context, size.size(), [&](std::size_t f) {
+    size[f] = std::sqrt(std::norm(field.x0[f]));
+    other[f] = std::sqrt(std::norm(field.x1[f]));
   });
   report.sum_abs_x0 = std::accumulate(size.begin(), size.end(), 0.0);
   report.sum_abs_x1 = std::accumulate(other.begin(), other.end(), 0.0);
@@ -127,19 +125,17 @@ void describe_bones(const FieldProblem<Scalar>& problem, const PolyVectorField& 
   if (!problem.dominance) return;
   constexpr double none = -1;
   std::vector<double> angles(field.x0.size(), none);
-  parallel_for(&context, angles.size(), [&](std::size_t begin, std::size_t end) {
-    for (auto f = static_cast<Index>(begin); f < static_cast<Index>(end); ++f) {
-      if (!(problem.dominance->omega(f, 1) > 0.9)) continue;
-      const Complex bone = bone_on_face(*problem.connection, *problem.skeleton, problem.dominance->share(f, 1).bone, f);
-      if (!(std::abs(bone) > 1e-12)) continue;
-      const auto [u, v] = raw_roots(field.x0[static_cast<std::size_t>(f)], field.x1[static_cast<std::size_t>(f)]);
-      const auto cosine = [&](Complex z) {
-        const double square = std::norm(z) * std::norm(bone);
-        return square > 0 ? std::abs(std::real(z * std::conj(bone))) / std::sqrt(square) : 1.0;
-      };
-      const double angle = std::acos(std::min(1.0, std::max(cosine(u), cosine(v))));
-      angles[static_cast<std::size_t>(f)] = angle * 180 / std::numbers::pi;
-    }
+  parallel_each(&context, angles.size(), [&](std::size_t i) {
+    const auto f = static_cast<Index>(i);
+    if (!(problem.dominance->omega(f, 1) > 0.9)) return;
+    const Complex bone = bone_on_face(*problem.connection, *problem.skeleton, problem.dominance->share(f, 1).bone, f);
+    if (!(std::abs(bone) > 1e-12)) return;
+    const auto [u, v] = raw_roots(field.x0[i], field.x1[i]);
+    const auto cosine = [&](Complex z) {
+      const double square = std::norm(z) * std::norm(bone);
+      return square > 0 ? std::abs(std::real(z * std::conj(bone))) / std::sqrt(square) : 1.0;
+    };
+    angles[i] = std::acos(std::min(1.0, std::max(cosine(u), cosine(v)))) * 180 / std::numbers::pi;
   });
   for (Index f = 0; f < problem.mesh->face_count(); ++f) {
     const double omega1 = problem.dominance->omega(f, 1);
@@ -298,24 +294,20 @@ QUADRIG_INLINE void add_targets(PolyVectorTargets& sum, PolyVectorTargets other,
                                 const Context& context) {
   if (sum.weight.empty()) {
     sum = std::move(other);
-    return parallel_for(&context, sum.weight.size(), [&](std::size_t begin, std::size_t end) {
-      for (std::size_t f = begin; f < end; ++f) {
-        const double weight = factor * sum.weight[f];
-        const bool pulls = weight > 0;
-        sum.x0[f] = pulls ? weight * sum.x0[f] / weight : 0;
-        sum.x1[f] = pulls ? weight * sum.x1[f] / weight : 0;
-        sum.weight[f] = pulls ? weight : 0;
-      }
+    return parallel_each(&context, sum.weight.size(), [&](std::size_t f) {
+      const double weight = factor * sum.weight[f];
+      const bool pulls = weight > 0;
+      sum.x0[f] = pulls ? weight * sum.x0[f] / weight : 0;
+      sum.x1[f] = pulls ? weight * sum.x1[f] / weight : 0;
+      sum.weight[f] = pulls ? weight : 0;
     });
   }
-  parallel_for(&context, sum.weight.size(), [&](std::size_t begin, std::size_t end) {
-    for (std::size_t f = begin; f < end; ++f) {
-      const double weight = factor * other.weight[f], total = sum.weight[f] + weight;
-      if (!(weight > 0)) continue;
-      sum.x0[f] = (sum.weight[f] * sum.x0[f] + weight * other.x0[f]) / total;
-      sum.x1[f] = (sum.weight[f] * sum.x1[f] + weight * other.x1[f]) / total;
-      sum.weight[f] = total;
-    }
+  parallel_each(&context, sum.weight.size(), [&](std::size_t f) {
+    const double weight = factor * other.weight[f], total = sum.weight[f] + weight;
+    if (!(weight > 0)) return;
+    sum.x0[f] = (sum.weight[f] * sum.x0[f] + weight * other.x0[f]) / total;
+    sum.x1[f] = (sum.weight[f] * sum.x1[f] + weight * other.x1[f]) / total;
+    sum.weight[f] = total;
   });
 }
 
@@ -362,11 +354,9 @@ Expected<std::vector<Complex>> merge_singularities(BasicFieldSolver<Scalar>& sol
   const auto factor_of = [&](std::size_t f) { return factor[static_cast<std::size_t>(scales.components.of_face[f])]; };
   std::vector<double> smoothness(system.smoothness.begin(), system.smoothness.end());
   std::vector<double> weight(system.target_weight.begin(), system.target_weight.end());
-  parallel_for(&context, m, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t f = begin; f < end; ++f) {
-      for (std::size_t h = 3 * f; h < 3 * f + 3; ++h) smoothness[h] *= factor_of(f);
-      weight[f] *= factor_of(f);
-    }
+  parallel_each(&context, m, [&](std::size_t f) {
+    for (std::size_t h = 3 * f; h < 3 * f + 3; ++h) smoothness[h] *= factor_of(f);
+    weight[f] *= factor_of(f);
   });
   system.smoothness = smoothness;
   system.target_weight = weight;
@@ -378,22 +368,17 @@ Expected<std::vector<Complex>> merge_singularities(BasicFieldSolver<Scalar>& sol
   const auto renew = [&](std::size_t f) {
     if (const double size = std::abs(x0[f]); size > 0) unit[f] = x0[f] / size;
   };
-  const auto each_face = [&](auto&& body) {
-    parallel_for(&context, m, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t f = begin; f < end; ++f) body(f);
-    });
-  };
   std::vector<double> change(m);
-  each_face([&](std::size_t f) {
+  parallel_each(&context, m, [&](std::size_t f) {
     unit[f] = 1;
     renew(f);
   });
   for (Index round = 0; round < options.merge_rounds; ++round) {
-    each_face([&](std::size_t f) { pull[f] = scales.share[f] * unit[f]; });
+    parallel_each(&context, m, [&](std::size_t f) { pull[f] = scales.share[f] * unit[f]; });
     if (round == 0)
       if (Status status = solver.prepare(std::span(&system, 1), context); !status.ok()) return status.error();
     if (Status status = solver.improve(0, pull, merge_tolerance, x0, context); !status.ok()) return status.error();
-    each_face([&](std::size_t f) {
+    parallel_each(&context, m, [&](std::size_t f) {
       const Complex before = unit[f];
       renew(f);
       change[f] = scales.share[f] * std::norm(unit[f] - before);

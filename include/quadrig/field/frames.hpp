@@ -51,9 +51,8 @@ struct Roots {
   Index bounded = 0;  ///< faces that had to be brought within the limits
 };
 
-/// Threads: those of the context. \cost O(m). \fails never: where x0 = x1 = 0 the frame is the face's basis, of length
-/// 0
-///   made 1.
+/// Threads: those of the context. \cost O(m). \fails never: where x0 = x1 = 0 the frame is the face's basis, its length
+///   0 made 1.
 [[nodiscard]] inline Roots roots(const PolyVectorField& field, const FrameLimits& limits = {},
                                  const Context* context = nullptr) {
   const std::size_t m = field.x0.size();
@@ -61,7 +60,7 @@ struct Roots {
   result.frames.u.resize(m);
   result.frames.v.resize(m);
   std::atomic<Index> bounded{0};
-  const auto find = [&](std::size_t f) {
+  parallel_each(context, m, [&](std::size_t f) {
     auto [u, v] = raw_roots(field.x0[f], field.x1[f]);
     double opening = opening_angle(u, v);
     if (opening < 0) {
@@ -89,9 +88,6 @@ struct Roots {
     }
     result.frames.u[f] = u;
     result.frames.v[f] = v;
-  };
-  parallel_for(context, m, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t f = begin; f < end; ++f) find(f);
   });
   result.bounded = bounded;
   return result;

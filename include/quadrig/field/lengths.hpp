@@ -24,11 +24,9 @@ template <class Scalar>
 /// Gives every frame the magnitudes exp(log_u), exp(log_v), clamped to [least, most]. \pre 0 < least ≤ most
 inline void apply_densities(FrameField& frames, const DensityTargets& densities, double least, double most,
                             const Context* context = nullptr) {
-  parallel_for(context, frames.u.size(), [&](std::size_t begin, std::size_t end) {
-    for (std::size_t f = begin; f < end; ++f) {
-      frames.u[f] *= std::clamp(std::exp(densities.log_u[f]), least, most) / std::abs(frames.u[f]);
-      frames.v[f] *= std::clamp(std::exp(densities.log_v[f]), least, most) / std::abs(frames.v[f]);
-    }
+  parallel_each(context, frames.u.size(), [&](std::size_t f) {
+    frames.u[f] *= std::clamp(std::exp(densities.log_u[f]), least, most) / std::abs(frames.u[f]);
+    frames.v[f] *= std::clamp(std::exp(densities.log_v[f]), least, most) / std::abs(frames.v[f]);
   });
 }
 

@@ -24,23 +24,20 @@ template <class Scalar>
   Matching matching{std::vector<Index>(static_cast<std::size_t>(mesh.halfedge_count()), 0),
                     std::vector<double>(static_cast<std::size_t>(mesh.halfedge_count()), 0.0)};
   std::vector<double> beta(static_cast<std::size_t>(mesh.face_count()));
-  parallel_for(context, beta.size(), [&](std::size_t begin, std::size_t end) {
-    for (std::size_t f = begin; f < end; ++f) beta[f] = bisector_angle(frames.u[f], frames.v[f]);
-  });
-  const auto match_across = [&](Index h, Index twin) {
+  parallel_each(context, beta.size(), [&](std::size_t f) { beta[f] = bisector_angle(frames.u[f], frames.v[f]); });
+  parallel_each(context, matching.r.size(), [&](std::size_t a) {
+    const auto h = static_cast<Index>(a);
+    const Index twin = mesh.twin(h);
+    if (twin == no_index || twin < h) return;
     const double alpha_f = std::arg(Complex(connection.edge(h))), alpha_g = std::arg(-Complex(connection.edge(twin)));
     const double turn =
         (beta[static_cast<std::size_t>(h / 3)] - alpha_f) + alpha_g - beta[static_cast<std::size_t>(twin / 3)];
     const double r = std::round(turn / quarter);
-    const auto a = static_cast<std::size_t>(h), b = static_cast<std::size_t>(twin);
+    const auto b = static_cast<std::size_t>(twin);
     matching.r[a] = static_cast<Index>(r);
     matching.r[b] = -matching.r[a];
     matching.rho[a] = turn - r * quarter;
     matching.rho[b] = -matching.rho[a];
-  };
-  parallel_for(context, matching.r.size(), [&](std::size_t begin, std::size_t end) {
-    for (auto h = static_cast<Index>(begin); h < static_cast<Index>(end); ++h)
-      if (const Index twin = mesh.twin(h); twin != no_index && twin > h) match_across(h, twin);
   });
   return matching;
 }

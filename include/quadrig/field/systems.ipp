@@ -337,9 +337,7 @@ Status BasicFieldSolver<Scalar>::improve(std::size_t k, std::span<const Complex>
   unknowns_.resize(right.size());
   const auto for_each_free = [&](auto&& body) {
     if (slot.form.free_count() == mesh_->face_count())
-      return parallel_for(&context, rhs_.size(), [&](std::size_t begin, std::size_t end) {
-        for (std::size_t f = begin; f < end; ++f) body(f, f);
-      });
+      return parallel_each(&context, rhs_.size(), [&](std::size_t f) { body(f, f); });
     std::size_t unknown = 0;
     for (Index f = 0; f < mesh_->face_count(); ++f)
       if (!slot.form.is_fixed(f)) body(unknown++, static_cast<std::size_t>(f));

@@ -100,7 +100,7 @@ class Remesher {
   [[nodiscard]] Expected<RemeshResult> run() {
     const Stopwatch total;
     if (context_.cancelled()) return cancelled_error("remesh");
-    const Connection<double> connection(mesh_);
+    const Connection<double> connection(mesh_, &context_);
     if (context_.cancelled()) return cancelled_error("remesh");
     context_.progress("metric", 0);
     if (Status status = measure(connection); !status.ok()) return status.error();

@@ -156,6 +156,10 @@ class IntegerEdges {
           if (const Index other = reversed(4 * h + a); other != no_index)
             ring_effect_[ring * states + at(other)] += across;
         }
+      ring_crossings_.emplace_back();
+      for (std::size_t node = 0; node < states; ++node)
+        if (const int effect = ring_effect_[ring * states + node]; effect != 0)
+          ring_crossings_.back().emplace_back(static_cast<Index>(node), std::abs(effect));
     }
   }
   /// How many quads beside its beginning a ring comes back.
@@ -176,6 +180,7 @@ class IntegerEdges {
   const std::vector<Ring>& rings_;
   std::vector<double> ring_weight_;       // of the squared pitch
   std::vector<std::int8_t> ring_effect_;  // per ring and search node: what it adds to the pitch
+  std::vector<std::vector<std::pair<Index, int>>> ring_crossings_;  // per ring: the nodes where that is not 0, its size
   std::vector<Complex> wanted_;
   std::vector<std::array<double, 2>> weight_;  // of the squared error of both components
   std::vector<Gaussian> omega_;

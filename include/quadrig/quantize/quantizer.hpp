@@ -1,8 +1,6 @@
 // Moves on the integers of a coarse map that add or take one row of quads.
 #pragma once
 
-#include <queue>
-
 #include "quadrig/quantize/integer_edges.hpp"
 
 namespace quadrig::detail {
@@ -14,10 +12,7 @@ class Quantizer : public IntegerEdges {
   Quantizer(const CoarseMap& map, const std::vector<Index>& index, const std::vector<char>& on_border,
             const std::vector<Ring>& rings, double scale, std::int64_t most)
       : IntegerEdges(map, index, on_border, rings, scale), most_(most) {
-    const Index n = map.halfedge_count();
-    distance_.assign(at(4 * n), 0);
-    from_.assign(at(4 * n), no_index);
-    stamp_.assign(at(4 * n), 0);
+    reached_.resize(at(4 * map.halfedge_count()));
   }
 
   /// Rounds at `sigma` times the wanted size and closes every triangle. False where that is not possible.
@@ -226,7 +221,7 @@ class Quantizer : public IntegerEdges {
         return true;
       }
       for (const Index exit : {next(h), prev(h)})
-        if (!forbidden(exit, b)) leave(exit, b, distance_[at(node)] + passage(h, exit, b), node);
+        if (!forbidden(exit, b)) leave(exit, b, reached_[at(node)].price + passage(h, exit, b), node);
     }
     return false;
   }
@@ -258,7 +253,7 @@ class Quantizer : public IntegerEdges {
         break;
       }
       if (open_end(node)) continue;
-      expand(node / 4, node % 4, distance_[at(node)], node);
+      expand(node / 4, node % 4, reached_[at(node)].price, node);
     }
     if (end == no_index && !border_start && has_border()) return try_open_strip(h, a, aim, budget);
     if (end == no_index) return false;
@@ -291,10 +286,10 @@ class Quantizer : public IntegerEdges {
           end = node;
           break;
         }
-        expand(node / 4, node % 4, distance_[at(node)], node);
+        expand(node / 4, node % 4, reached_[at(node)].price, node);
       }
       if (end == no_index) return false;
-      spent = distance_[at(end)];
+      spent = reached_[at(end)].price;
       gather_path(end);
     }
     return apply_if_better(aim);
@@ -313,11 +308,9 @@ class Quantizer : public IntegerEdges {
     std::vector<double> toll(at(states), 0);
     for (std::size_t other = 0; tolled && other < rings_.size(); ++other)
       if (other != ring && pitch(other) == 0)
-        for (std::size_t node = 0; node < toll.size(); ++node)
-          toll[node] += ring_weight_[other] * std::abs(static_cast<int>(ring_effect_[other * toll.size() + node]));
+        for (const auto& [node, crossings] : ring_crossings_[other]) toll[at(node)] += ring_weight_[other] * crossings;
     beside_ += static_cast<std::int64_t>(toll.size() * rings_.size() / 16);
-    ring_distance_.resize(at(levels * states));
-    ring_from_.resize(at(levels * states));
+    ring_reached_.resize(at(levels * states));
     struct Strip {
       double price;
       std::vector<std::pair<Index, Gaussian>> changes;
@@ -330,9 +323,8 @@ class Quantizer : public IntegerEdges {
         const Index root = 4 * step.first + a;
         if (effect[root] * sign <= 0 || forbidden(step.first, a) || map_.twin[at(step.first)] == no_index) continue;
         if (effort() > most_) break;
-        std::fill(ring_distance_.begin(), ring_distance_.end(), std::numeric_limits<double>::infinity());
         beside_ += levels * std::int64_t{states} / 32;
-        queue_ = {};
+        begin_search();
         const auto expand = [&](Index node, int level, double so_far, Index key) {
           const Index entry = node / 4;
           for (const Index exit : {next(entry), prev(entry)}) {
@@ -343,19 +335,15 @@ class Quantizer : public IntegerEdges {
             const int there = level + (reached == root ? 0 : effect[reached]);
             if (price > budget || there < -most || there > most) continue;
             const Index slot = (there + most) * states + reached;
-            if (ring_distance_[at(slot)] <= price) continue;
-            ring_distance_[at(slot)] = price;
-            ring_from_[at(slot)] = key;
-            queue_.push({price, slot});
+            reach(ring_reached_, slot, price, key);
           }
         };
         expand(root, effect[root], 0, no_index);
         int wanted = all > 1 ? 2 : 1;
-        while (!queue_.empty() && wanted > 0) {
-          const auto [price, key] = queue_.top();
-          queue_.pop();
-          ++work_;
-          if (price > ring_distance_[at(key)]) continue;
+        while (wanted > 0) {
+          const Index key = pop(ring_reached_);
+          if (key == no_index) break;
+          const double price = ring_reached_[at(key)].price;
           const Index node = key % states;
           const int level = static_cast<int>(key / states) - most;
           if (node != root) {
@@ -363,7 +351,7 @@ class Quantizer : public IntegerEdges {
           } else if (level == sign || level == sign * all) {
             --wanted;
             Strip strip{price, {}};
-            for (Index k = key; k != no_index; k = ring_from_[at(k)])
+            for (Index k = key; k != no_index; k = ring_reached_[at(k)].from)
               strip.changes.push_back({k % states / 4, axis(k % states % 4)});
             budget = std::min(budget, 2 * price + 0.1);
             strips.push_back(std::move(strip));
@@ -389,32 +377,44 @@ class Quantizer : public IntegerEdges {
 
   // Search nodes are 4 t + a: ω_t has just received +i^a from across. An exit through the border is the node of the
   // border half-edge itself, marked by `leave` with the direction reversed.
+  struct Reached {
+    double price = 0;
+    Index from = no_index;
+    std::uint32_t search = 0;  // the last that came here
+  };
   void begin_search() {
     ++search_;
-    queue_ = {};
+    queue_.clear();
+  }
+  void reach(std::vector<Reached>& reached, Index node, double price, Index from) {
+    Reached& there = reached[at(node)];
+    if (there.search == search_ && there.price <= price) return;
+    there = {price, from, search_};
+    queue_.emplace_back(price, node);
+    std::push_heap(queue_.begin(), queue_.end(), std::greater<>());
+  }
+  /// The cheapest node that is left; no_index at the end.
+  [[nodiscard]] Index pop(const std::vector<Reached>& reached) {
+    while (!queue_.empty()) {
+      std::pop_heap(queue_.begin(), queue_.end(), std::greater<>());
+      const auto [price, node] = queue_.back();
+      queue_.pop_back();
+      ++work_;
+      if (price <= reached[at(node)].price) return node;
+    }
+    return no_index;
   }
   void leave(Index exit, int a, double price, Index node) {
     const Index g = map_.twin[at(exit)];
     const Index reached = g == no_index ? 4 * exit + ((a + 2) & 3) : 4 * g + ((a + map_.rotation[at(exit)]) & 3);
-    if (stamp_[at(reached)] == search_ && distance_[at(reached)] <= price) return;
-    stamp_[at(reached)] = search_;
-    distance_[at(reached)] = price;
-    from_[at(reached)] = node;
-    queue_.push({price, reached});
+    reach(reached_, reached, price, node);
   }
-  [[nodiscard]] Index pop() {
-    while (!queue_.empty()) {
-      const auto [price, node] = queue_.top();
-      queue_.pop();
-      ++work_;
-      if (price <= distance_[at(node)]) return node;
-    }
-    return no_index;
-  }
+  [[nodiscard]] Index pop() { return pop(reached_); }
   [[nodiscard]] bool open_end(Index node) const { return map_.twin[at(node / 4)] == no_index; }
 
   void gather_path(Index end) {
-    for (Index node = end; node != no_index; node = from_[at(node)]) changes_.push_back({node / 4, axis(node % 4)});
+    for (Index node = end; node != no_index; node = reached_[at(node)].from)
+      changes_.push_back({node / 4, axis(node % 4)});
   }
   void apply_path(Index end) {
     changes_.clear();
@@ -476,12 +476,9 @@ class Quantizer : public IntegerEdges {
     return false;
   }
 
-  std::vector<double> ring_distance_;  // per level and search node
-  std::vector<Index> ring_from_;
+  std::vector<Reached> reached_, ring_reached_;  // per search node; per level and search node
   std::vector<Gaussian> saved_;
-  std::vector<double> distance_;
-  std::vector<Index> from_, touched_;
-  std::vector<std::uint32_t> stamp_;
+  std::vector<Index> touched_;
   std::uint32_t search_ = 0;
   int border_known_ = 0;
   std::vector<std::pair<Index, Gaussian>> changes_;
@@ -489,8 +486,7 @@ class Quantizer : public IntegerEdges {
   double missing_ = 0;         // quads
   std::int64_t work_ = 0;      // nodes searched, which bounds what a map of very many cones may cost
   std::int64_t beside_ = 0, most_;
-  using Entry = std::pair<double, Index>;
-  std::priority_queue<Entry, std::vector<Entry>, std::greater<>> queue_;
+  std::vector<std::pair<double, Index>> queue_;  // price and node, a heap with the cheapest first
 };
 
 }  // namespace quadrig::detail

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "quadrig/sparse.hpp"
+#include "quadrig/solver/instructions.hpp"
 
 namespace quadrig::detail {
 
@@ -15,9 +15,6 @@ inline constexpr Index front_large = sizeof(Real) == 4 ? 128 : std::numeric_limi
 inline constexpr Index front_deep = 64;
 
 #if defined(__GNUC__)
-#define QUADRIG_FLATTEN_LAMBDA __attribute__((always_inline))
-#define QUADRIG_FLATTEN QUADRIG_FLATTEN_LAMBDA inline
-
 /// Tiles of target −= left · rightᴴ in vectors of so many bytes. Each entry is summed over the depth in its own order
 /// and by the same operations whatever the width, so that every processor gives the same bits, but where it fuses.
 template <class K, int bytes>
@@ -30,8 +27,8 @@ struct FrontTile {
 
   // Rows [0, V·lanes) and C columns.
   template <int V, int C>
-  QUADRIG_FLATTEN static void subtract(const K* left, std::ptrdiff_t left_stride, const K* right, Index depth,
-                                       K* target, std::ptrdiff_t stride) {
+  QUADRIG_INTO_CALLER static void subtract(const K* left, std::ptrdiff_t left_stride, const K* right, Index depth,
+                                           K* target, std::ptrdiff_t stride) {
     Vector sum[V][C] = {}, cross[V][C] = {};
     for (Index k = 0; k < depth; ++k, left += left_stride, right += left_stride) {
       Vector a[V];
@@ -68,8 +65,8 @@ struct FrontTile {
       }
   }
 
-  QUADRIG_FLATTEN static void subtract_one(const K* left, std::ptrdiff_t left_stride, const K* right, Index depth,
-                                           K* target) {
+  QUADRIG_INTO_CALLER static void subtract_one(const K* left, std::ptrdiff_t left_stride, const K* right, Index depth,
+                                               K* target) {
     if constexpr (is_complex) {
       Real sum_re = 0, sum_im = 0, cross_re = 0, cross_im = 0;
       for (Index k = 0; k < depth; ++k, left += left_stride, right += left_stride) {
@@ -88,8 +85,8 @@ struct FrontTile {
   }
 
   template <int C>
-  QUADRIG_FLATTEN static void columns(const K* left, std::ptrdiff_t left_stride, Index rows, const K* right,
-                                      Index depth, K* target, std::ptrdiff_t stride) {
+  QUADRIG_INTO_CALLER static void columns(const K* left, std::ptrdiff_t left_stride, Index rows, const K* right,
+                                          Index depth, K* target, std::ptrdiff_t stride) {
     Index i = 0;
     for (; i + 2 * lanes <= rows; i += 2 * lanes)
       subtract<2, C>(left + i, left_stride, right, depth, target + i, stride);
@@ -103,8 +100,8 @@ struct FrontTile {
 
   /// Columns [0, count) of target from each one's diagonal on; of the first rows above it, too. In blocks of
   /// rows, and of a large depth, that stay in the caches.
-  QUADRIG_FLATTEN static void trapezoid(const K* left, std::ptrdiff_t left_stride, Index depth, K* target,
-                                        std::ptrdiff_t stride, Index rows, Index count) {
+  QUADRIG_INTO_CALLER static void trapezoid(const K* left, std::ptrdiff_t left_stride, Index depth, K* target,
+                                            std::ptrdiff_t stride, Index rows, Index count) {
     constexpr Index wide = !is_complex ? 4 : sizeof(Real) == 4 ? 3 : 2, tall = 256;
     const Index deep = depth > front_large<Real> ? front_deep : depth;
     for (Index k = 0; k < depth; k += deep, left += deep * left_stride) {
@@ -112,7 +109,7 @@ struct FrontTile {
       for (Index top = 0; top < rows; top += tall) {
         const Index bottom = std::min(rows, top + tall), last = std::min(count, bottom);
         Index j = 0;
-        const auto some = [&]<int C>(std::integral_constant<int, C>) QUADRIG_FLATTEN_LAMBDA {
+        const auto some = [&]<int C>(std::integral_constant<int, C>) QUADRIG_INTO_CALLER_LAMBDA {
           for (; j + C <= last; j += C) {
             const Index i = std::max(j, top);
             columns<C>(left + i, left_stride, bottom - i, left + j, part, target + j * stride + i, stride);
@@ -125,26 +122,6 @@ struct FrontTile {
     }
   }
 };
-
-template <class K>
-void front_trapezoid(const K* left, std::ptrdiff_t left_stride, Index depth, K* target, std::ptrdiff_t stride,
-                     Index rows, Index count) {
-  FrontTile<K, 16>::trapezoid(left, left_stride, depth, target, stride, rows, count);
-}
-#if defined(__x86_64__)
-template <class K>
-__attribute__((target("avx2"))) void front_trapezoid_avx2(const K* left, std::ptrdiff_t left_stride, Index depth,
-                                                          K* target, std::ptrdiff_t stride, Index rows, Index count) {
-  FrontTile<K, 32>::trapezoid(left, left_stride, depth, target, stride, rows, count);
-}
-template <class K>
-QUADRIG_FUSED void front_trapezoid_fused(const K* left, std::ptrdiff_t left_stride, Index depth, K* target,
-                                         std::ptrdiff_t stride, Index rows, Index count) {
-  FrontTile<K, 32>::trapezoid(left, left_stride, depth, target, stride, rows, count);
-}
-#endif
-#undef QUADRIG_FLATTEN
-#undef QUADRIG_FLATTEN_LAMBDA
 #endif
 
 /// A panel of `width` columns with `height` rows, by columns, of which the lower trapezoid counts, and the square of
@@ -216,13 +193,9 @@ struct Front {
   static void trapezoid(const K* left, Index left_stride, Index depth, K* target, Index stride, Index rows,
                         Index count) {
 #if defined(__GNUC__)
-#if defined(__x86_64__)
-    if constexpr (sizeof(Real) == sizeof(float))
-      if (can_fuse()) return front_trapezoid_fused(left, left_stride, depth, target, stride, rows, count);
-    if (__builtin_cpu_supports("avx2"))
-      return front_trapezoid_avx2(left, left_stride, depth, target, stride, rows, count);
-#endif
-    front_trapezoid(left, left_stride, depth, target, stride, rows, count);
+    run_best<Real>([=]<int bytes>(VectorBytes<bytes>) QUADRIG_INTO_CALLER_LAMBDA {
+      FrontTile<K, bytes>::trapezoid(left, left_stride, depth, target, stride, rows, count);
+    });
 #else
     for (Index j = 0; j < count; ++j)
       for (Index k = 0; k < depth; ++k) {

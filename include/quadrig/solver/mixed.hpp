@@ -32,8 +32,8 @@ class MixedCholesky {
     exact_.reset();
     if (Status status = rough_.analyze({A.size, A.column_starts, A.rows, {}}, order, context); !status.ok())
       return renamed(status);
-    matrix_.analyze(A, rough_.elimination_order());
-    return {};
+    matrix_.analyze(A, rough_.elimination_order(), context);
+    return context.cancelled() ? Status(cancelled_error(where())) : Status();
   }
 
   /// \fails numeric where a pivot is not positive beyond rounding, or not finite: names the unknown; cancelled.

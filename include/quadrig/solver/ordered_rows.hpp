@@ -12,15 +12,16 @@ namespace quadrig::detail {
 template <class K>
 class OrderedRows {
  public:
-  /// Row k is that of the unknown order[k]. The values of A are not read. \pre a permutation. \cost O(nonzeros)
-  void analyze(const HermitianView<K>& A, std::span<const Index> order) {
+  /// Row k is that of the unknown order[k]. The values of A are not read. Of no use once the context is cancelled.
+  /// \pre a permutation. \cost O(nonzeros)
+  void analyze(const HermitianView<K>& A, std::span<const Index> order, const Context& context) {
     auto pattern = std::make_shared<Pattern>();
     const auto n = order.size();
     std::vector<Index> position(n);
     for (std::size_t k = 0; k < n; ++k) position[at(order[k])] = static_cast<Index>(k);
     pattern->starts.assign(n + 1, 0);
     const auto for_each_entry = [&](auto&& body) {  // body(entry, its row, its column)
-      for (std::size_t k = 0; k < n; ++k)
+      for (std::size_t k = 0; k < n && !(k % 65536 == 0 && context.cancelled()); ++k)
         for (std::size_t e = at(A.column_starts[at(order[k])]); e < at(A.column_starts[at(order[k]) + 1]); ++e)
           body(e, at(position[at(A.rows[e])]), k);
     };

@@ -1,15 +1,10 @@
 // Forward and backward substitution with the panels of a supernodal factor.
 #pragma once
 
+#include "quadrig/solver/instructions.hpp"
 #include "quadrig/solver/symbolic.hpp"
 
 namespace quadrig::detail {
-
-#if defined(__GNUC__)
-#define QUADRIG_INTO_CALLER __attribute__((always_inline))
-#else
-#define QUADRIG_INTO_CALLER
-#endif
 
 /// L y' = y, then Lᴴ y'' = y', in place, the unknowns as they are eliminated. Every sum has its own order, whatever
 /// instructions the compiler may use for it.
@@ -19,7 +14,7 @@ class Substitution {
   QUADRIG_INTO_CALLER Substitution(const SymbolicFactor& symbolic, const K* panels, K* y)
       : symbolic_(symbolic), panels_(panels), y_(y) {}
 
-  QUADRIG_INTO_CALLER inline void run(const Context* context) {
+  QUADRIG_INTO_CALLER void run(const Context* context) {
     Index tallest = 0;
     for (Index s = 0; s < symbolic_.supernode_count(); ++s) tallest = std::max(tallest, symbolic_.below(s));
     std::vector<K> gathered(at(tallest));
@@ -33,7 +28,7 @@ class Substitution {
   static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
   static std::ptrdiff_t offset(Index column, Index stride) { return static_cast<std::ptrdiff_t>(column) * stride; }
 
-  QUADRIG_INTO_CALLER inline void forward(Index s, K* gathered) const {
+  QUADRIG_INTO_CALLER void forward(Index s, K* gathered) const {
     const Index width = symbolic_.width(s), below = symbolic_.below(s), height = width + below;
     const K* const column = panels_ + symbolic_.panel[at(s)];
     K* const own = y_ + symbolic_.first[at(s)];
@@ -51,7 +46,7 @@ class Substitution {
     for (Index i = 0; i < below; ++i) y_[row[i]] += gathered[i];
   }
 
-  QUADRIG_INTO_CALLER inline void backward(Index s, K* gathered) const {
+  QUADRIG_INTO_CALLER void backward(Index s, K* gathered) const {
     const Index width = symbolic_.width(s), below = symbolic_.below(s), height = width + below;
     K* const own = y_ + symbolic_.first[at(s)];
     const Index* const row = symbolic_.rows.data() + symbolic_.rows_start[at(s)];
@@ -64,7 +59,7 @@ class Substitution {
   }
 
   // y −= factor x + other z
-  QUADRIG_INTO_CALLER inline static void axpy(K* y, const K* x, K factor, const K* z, K other, Index size) {
+  QUADRIG_INTO_CALLER static void axpy(K* y, const K* x, K factor, const K* z, K other, Index size) {
     if constexpr (std::is_same_v<K, Real>) {
       for (Index i = 0; i < size; ++i) y[i] -= factor * x[i] + other * z[i];
     } else {
@@ -75,7 +70,7 @@ class Substitution {
     }
   }
   // y −= factor x
-  QUADRIG_INTO_CALLER inline static void axpy(K* y, const K* x, K factor, Index size) {
+  QUADRIG_INTO_CALLER static void axpy(K* y, const K* x, K factor, Index size) {
     if constexpr (std::is_same_v<K, Real>) {
       for (Index i = 0; i < size; ++i) y[i] -= factor * x[i];
     } else {
@@ -90,7 +85,7 @@ class Substitution {
     }
   }
   // Σ x̄ y, in a few sums side by side
-  QUADRIG_INTO_CALLER inline static K dot(const K* x, const K* y, Index size) {
+  QUADRIG_INTO_CALLER static K dot(const K* x, const K* y, Index size) {
     constexpr Index lanes = 4;
     std::array<Real, lanes> re{}, im{};
     const auto add = [&](std::size_t lane, Index i) {
@@ -117,26 +112,11 @@ class Substitution {
   K* y_;
 };
 
-template <class K>
-void substitute_anywhere(const SymbolicFactor& symbolic, const K* panels, K* y, const Context* context) {
-  Substitution<K>(symbolic, panels, y).run(context);
-}
-#if defined(__GNUC__) && defined(__x86_64__)
-template <class K>
-__attribute__((target("avx2"))) void substitute_avx2(const SymbolicFactor& symbolic, const K* panels, K* y,
-                                                     const Context* context) {
-  Substitution<K>(symbolic, panels, y).run(context);
-}
-#endif
-
 /// y is of no use once the context is cancelled.
 template <class K>
 void substitute(const SymbolicFactor& symbolic, const K* panels, K* y, const Context* context) {
-#if defined(__GNUC__) && defined(__x86_64__)
-  if (__builtin_cpu_supports("avx2")) return substitute_avx2(symbolic, panels, y, context);
-#endif
-  substitute_anywhere(symbolic, panels, y, context);
+  Substitution<K> pass(symbolic, panels, y);
+  run_best<real_of<K>>([&pass, context](auto) QUADRIG_INTO_CALLER_LAMBDA { pass.run(context); });
 }
-#undef QUADRIG_INTO_CALLER
 
 }  // namespace quadrig::detail

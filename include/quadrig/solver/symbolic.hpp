@@ -274,17 +274,19 @@ class SymbolicBuilder {
       if (tree[k] != no_index) super_parent_[at(place[k])] = place[at(tree[k])];
     }
     for (std::size_t k = 0; k < heads.size(); ++k) first_[k + 1] += first_[k];
-    std::vector<Index> fresh(at(n_)), next(first_.begin(), first_.end());
-    for (Index j = 0; j < n_; ++j) fresh[at(j)] = next[at(place[at(number[at(head[at(owner[at(j)])])])])]++;
-    for (Index& each : position_) each = fresh[at(each)];
-    fresh_ = std::move(fresh);
+    fresh_.resize(at(n_));
+    old_.resize(at(n_));
+    std::vector<Index> next(first_.begin(), first_.end());
+    for (Index j = 0; j < n_; ++j) {
+      fresh_[at(j)] = next[at(place[at(number[at(head[at(owner[at(j)])])])])]++;
+      old_[at(fresh_[at(j)])] = j;
+    }
+    for (Index& each : position_) each = fresh_[at(each)];
   }
 
   // Rows below each supernode: those of its columns and its children's.
   void structure(SymbolicFactor& factor) {
     const std::size_t count = super_parent_.size();
-    std::vector<Index> old(at(n_));  // column before merging
-    for (Index j = 0; j < n_; ++j) old[at(fresh_[at(j)])] = j;
     std::vector<Index> mark(at(n_), no_index);
     std::vector<Index>&child = factor.child, &sibling = factor.sibling;
     child.assign(count, no_index);
@@ -308,7 +310,7 @@ class SymbolicBuilder {
         rows.push_back(row);
       };
       for (Index j = first_[s]; j <= last; ++j)
-        for (Index e = after_starts_[at(old[at(j)])]; e < after_starts_[at(old[at(j)]) + 1]; ++e)
+        for (Index e = after_starts_[at(old_[at(j)])]; e < after_starts_[at(old_[at(j)]) + 1]; ++e)
           add(fresh_[at(after_[at(e)])]);
       factor.first_in_tree[s] = me;
       for (Index c = child[s]; c != no_index; c = sibling[at(c)]) {
@@ -344,14 +346,13 @@ class SymbolicBuilder {
 
   void locate(SymbolicFactor& factor) const {
     const std::size_t count = super_parent_.size();
-    std::vector<Index> old(at(n_)), unknown(at(n_));  // of each column
-    for (Index j = 0; j < n_; ++j) old[at(fresh_[at(j)])] = j;
+    std::vector<Index> unknown(at(n_));  // of each column
     for (Index i = 0; i < n_; ++i) unknown[at(factor.position[at(i)])] = i;
     factor.entries_start.assign(1, 0);
     for (std::size_t s = 0; s < count; ++s) {
       std::size_t entries = at(first_[s + 1] - first_[s]);
       for (Index j = first_[s]; j < first_[s + 1]; ++j)
-        entries += at(after_starts_[at(old[at(j)]) + 1] - after_starts_[at(old[at(j)])]);
+        entries += at(after_starts_[at(old_[at(j)]) + 1] - after_starts_[at(old_[at(j)])]);
       factor.entries_start.push_back(factor.entries_start.back() + entries);
     }
     factor.given.resize(factor.entries_start.back());
@@ -366,7 +367,7 @@ class SymbolicBuilder {
         const std::size_t column = at(j - first_[s]);
         factor.given[e] = column_starts_[at(unknown[at(j)])];
         factor.inside[e++] = column * height + column;
-        for (Index k = after_starts_[at(old[at(j)])]; k < after_starts_[at(old[at(j)]) + 1]; ++k) {
+        for (Index k = after_starts_[at(old_[at(j)])]; k < after_starts_[at(old_[at(j)]) + 1]; ++k) {
           const Index row = fresh_[at(after_[at(k)])];
           const std::size_t inside = row < first_[s + 1]
                                          ? at(row - first_[s])
@@ -388,8 +389,9 @@ class SymbolicBuilder {
   std::span<const Index> column_starts_, rows_;
   const Context* context_;
   std::vector<Index> position_, starts_, before_, parent_, counts_, after_starts_, after_, after_given_;
-  std::vector<Index> first_, super_parent_, fresh_;
-  std::size_t rows_count_ = 0;  // below all supernodes
+  std::vector<Index> first_, super_parent_;
+  std::vector<Index> fresh_, old_;  // what each column is called after merging, and was before
+  std::size_t rows_count_ = 0;      // below all supernodes
 };
 
 }  // namespace quadrig::detail

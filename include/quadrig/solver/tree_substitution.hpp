@@ -5,6 +5,7 @@
 #include <atomic>
 #include <cstring>
 
+#include "quadrig/solver/instructions.hpp"
 #include "quadrig/solver/symbolic.hpp"
 
 namespace quadrig::detail {
@@ -13,8 +14,6 @@ namespace quadrig::detail {
 inline constexpr Index substitution_slack = 8;
 
 #if defined(__GNUC__)  // others go without it
-#define QUADRIG_INTO_CALLER_LAMBDA __attribute__((always_inline))
-#define QUADRIG_INTO_CALLER QUADRIG_INTO_CALLER_LAMBDA inline
 
 /// What supernodes leave for their parents on the way forward, the last on top, and room for one front.
 template <class K>
@@ -31,18 +30,16 @@ class SubstitutionStack {
   const K* pop(std::size_t count) { return values_.data() + (top_ -= count); }
   [[nodiscard]] std::span<const K> all() const { return std::span(values_).first(top_); }
 
-  K* front(Index height) {
-    const auto size = static_cast<std::size_t>(height) + substitution_slack;
-    if (front_.size() < size) front_.resize(size);
-    return front_.data();
-  }
-  K* turned(Index height) {
-    const auto size = static_cast<std::size_t>(height) + substitution_slack;
-    if (turned_.size() < size) turned_.resize(size);
-    return turned_.data();
-  }
+  K* front(Index height) { return room(front_, height); }
+  K* turned(Index height) { return room(turned_, height); }
 
  private:
+  static K* room(std::vector<K>& list, Index height) {
+    const auto size = static_cast<std::size_t>(height) + substitution_slack;
+    if (list.size() < size) list.resize(size);
+    return list.data();
+  }
+
   std::vector<K> values_, front_, turned_;
   std::size_t top_ = 0;
 };
@@ -241,30 +238,6 @@ class TreeSubstitution {
   const Context& context_;
 };
 
-template <class Pass>
-void run_anywhere(Pass pass) {
-  pass();
-}
-#if defined(__x86_64__)
-template <class Pass>
-__attribute__((target("avx2"))) void run_avx2(Pass pass) {
-  pass();
-}
-template <class Pass>
-QUADRIG_FUSED void run_fused(Pass pass) {
-  pass();
-}
-#endif
-template <class Real, class Pass>
-void run_best(Pass pass) {
-#if defined(__x86_64__)
-  if constexpr (sizeof(Real) == sizeof(float))
-    if (can_fuse()) return run_fused(pass);
-  if (__builtin_cpu_supports("avx2")) return run_avx2(pass);
-#endif
-  run_anywhere(pass);
-}
-
 /// L Lᴴ y' = y in place over disjoint subtrees side by side, and what is above them. The bits depend on neither the
 /// subtrees nor the threads, but are not those of `substitute`. y is of no use once the context is cancelled.
 template <class K>
@@ -274,12 +247,12 @@ void substitute_by_tree(const SymbolicFactor& symbolic, std::span<const Index> r
   const TreeSubstitution<K> pass(symbolic, panels, y, context);
   const auto forward = [&](Index first, Index last, SubstitutionStack<K>& stack) {
     bool done = false;
-    run_best<real_of<K>>([&pass, &stack, &done, first, last]()
+    run_best<real_of<K>>([&pass, &stack, &done, first, last](auto)
                              QUADRIG_INTO_CALLER_LAMBDA { done = pass.forward(first, last, stack); });
     return done;
   };
   const auto backward = [&](Index first, Index last, SubstitutionStack<K>& stack) {
-    run_best<real_of<K>>([&pass, &stack, first, last]()
+    run_best<real_of<K>>([&pass, &stack, first, last](auto)
                              QUADRIG_INTO_CALLER_LAMBDA { pass.backward(first, last, stack); });
   };
   const auto each_subtree = [&](auto&& body) {
@@ -319,8 +292,6 @@ void substitute_by_tree(const SymbolicFactor& symbolic, std::span<const Index> r
     backward(symbolic.first_in_tree[at(roots[k])], roots[k] + 1, own);
   });
 }
-#undef QUADRIG_INTO_CALLER
-#undef QUADRIG_INTO_CALLER_LAMBDA
 #endif
 
 }  // namespace quadrig::detail
