@@ -30,6 +30,27 @@ TEST_CASE("core: function_ref calls what it borrows when the target keeps state"
   CHECK(calls == 5);
 }
 
+TEST_CASE("context: parts of a job tell their share of the whole, which never falls", "[context][fast]") {
+  Context context;
+  std::vector<double> told;
+  {
+    const ProgressPart unheard(context, 0, 1);
+    context.progress("nobody listens", 0.5);
+  }
+  context.on_progress = [&](std::string_view, double fraction) { told.push_back(fraction); };
+  {
+    const ProgressPart first(context, 0, 0.5);
+    for (const double fraction : {0.0, 0.5, 0.25, 2.0}) context.progress("first", fraction);
+  }
+  {
+    const ProgressPart second(context, 0.5, 1);
+    const ProgressPart half(context, 0, 0.5);
+    context.progress("second", 1);
+  }
+  context.progress("whole", 1);
+  CHECK(told == std::vector<double>{0, 0.25, 0.25, 0.5, 0.75, 1});
+}
+
 TEST_CASE("context: sums have the same bits at any number of threads", "[context][fast]") {
   double first = 0;
   for (const std::size_t n : {std::size_t{0}, std::size_t{5}, std::size_t{40961}})

@@ -32,6 +32,7 @@ TEST_CASE("command: several counts make one file each, all or none", "[cli][gltf
   CHECK(has(read_text(folder / "r_LOD1.json"), "\"field\": \"automatic: "));  // of the solvers
   const std::vector<std::string> before = names_in(folder.path());
   CHECK(run_quadrig(folder, "remesh in.glb --quads 300,2 -o new.glb").exit_code == 2);
+  CHECK(run_quadrig(folder, "remesh in.glb --quads 300,200 -o new.glb --report new.glb").exit_code == 2);
   CHECK(run_quadrig(folder, "remesh q_LOD0.obj --quads 300,200 -o new.obj").exit_code == 2);
   CHECK(run_quadrig(folder, "remesh q_LOD0.obj --quads 300 --select a -o new.obj").exit_code == 2);
   CHECK(run_quadrig(folder, "remesh in.glb --quads 300 --select nobody -o new.glb").exit_code == 2);

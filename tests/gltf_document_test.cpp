@@ -2,7 +2,7 @@
 #include <sstream>
 
 #include "gltf_tube.hpp"
-#include "quadrig/gltf/surface.hpp"
+#include "quadrig/gltf.hpp"
 #include "test.hpp"
 
 using namespace quadrig;
@@ -70,6 +70,46 @@ TEST_CASE("gltf: the surface is the same when the file goes to .gltf and back", 
     read.push_back(std::move(*surfaces));
   }
   for (const auto& surfaces : read) CHECK(surfaces[0].asset.mesh.positions() == read[0][0].asset.mesh.positions());
+}
+
+TEST_CASE("gltf: what is written beside a file has a name that nothing of its has", "[gltf]") {
+  const ScratchFolder folder("gltf-beside");
+  // Names that only differ in what a URI has to encode.
+  for (const char* name : {"\xE9\xBE\x99 a.gltf", "\xE8\x99\x8E a.gltf", "___ a.gltf"}) {
+    write(folder / "in.glb", tube_file({.rings = 10 + static_cast<int>(std::strlen(name))}));
+    REQUIRE(copied(folder / "in.glb", folder / name).ok());
+  }
+  for (const char* name : {"\xE9\xBE\x99 a.gltf", "\xE8\x99\x8E a.gltf", "___ a.gltf"}) {
+    Context context;
+    const auto document = GltfDocument::read(folder / name, {}, context);
+    REQUIRE(document);
+    CHECK(gltf_surfaces(*document, {}, {}, context).has_value());
+  }
+
+  // A buffer is known by its file, not by how the file spells its name.
+  REQUIRE(copied(folder / "in.glb", folder / "scene.gltf").ok());
+  const std::string named = "\"scene.bin\"", spelled = "\"./sc%65ne.bin\"";
+  std::string json = contents(folder / "scene.gltf");
+  const auto place = json.find(named);
+  REQUIRE(place != std::string::npos);
+  write(folder / "orig.gltf", json.replace(place, named.size(), spelled));
+  std::filesystem::remove(folder / "scene.gltf");
+  const std::string before = contents(folder / "scene.bin");
+  Context context;
+  auto document = GltfDocument::read(folder / "orig.gltf", {}, context);
+  REQUIRE(document);
+  GltfRemeshOptions options;
+  options.remesh.quads = 200;
+  REQUIRE(remesh_gltf(*document, options, context));
+  FileSet files;
+  REQUIRE(document->add_to(files, folder / "scene.gltf", context).ok());
+  REQUIRE(files.commit().ok());
+  CHECK(contents(folder / "scene.bin") == before);
+  for (const char* name : {"orig.gltf", "scene.gltf"}) {
+    const auto again = GltfDocument::read(folder / name, {}, context);
+    REQUIRE(again);
+    CHECK(gltf_surfaces(*again, {}, {}, context).has_value());
+  }
 }
 
 TEST_CASE("gltf: every corpus file is copied without a difference", "[gltf][slow]") {

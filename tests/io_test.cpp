@@ -4,6 +4,9 @@
 #include <cstring>
 #include <fstream>
 #include <set>
+#include <thread>
+
+#include <sys/stat.h>
 
 #include "test.hpp"
 
@@ -77,6 +80,11 @@ std::string binary_ply(bool little) {
   return bytes;
 }
 
+std::size_t materials_of(const Expected<PolygonMesh>& mesh) {
+  REQUIRE(mesh);
+  return std::set<Index>(mesh->material.begin(), mesh->material.end()).size();
+}
+
 constexpr const char* square_obj = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n";
 constexpr const char* two_bones = "1 0 0 0\n2 0.5 0 0\n3 1 0 0\n#\n1 2\n2 3\n#\n";
 
@@ -87,7 +95,7 @@ TEST_CASE("obj: every form of index is read when a file mixes them", "[io][obj][
   const auto path = file(folder, "a.OBJ",
                          "\xEF\xBB\xBF# comment\r\nmtllib x.mtl\r\nv 0 0 0 1.0\r\nv +1 0 0 0.5 0.5 0.5 # red\r\n"
                          "v 1 1e0 0\r\nvt 0 0\r\nvn 0 0 1\r\nf 1/1/1 2//1 3/1\r\n\to thing\r\nv 0 1 0\r\n"
-                         "f -1 -4/1 \\\r\n -2//-1\r\nl 1 2\r\nf 1 2 3 4");
+                         "f -1 -4/1 \\\r\n -2//-1\r\nl 1 2\r\nf 1 2 3\\\r\n 4");
   const Expected<PolygonMesh> mesh = read(path);
   REQUIRE(mesh.has_value());
   CHECK(mesh->vertex_count() == 4);
@@ -122,6 +130,9 @@ TEST_CASE("obj: borders of materials, texture islands and lines are kept when as
     CHECK(loaded->features.size() == 2 * x.size());
     return x;
   };
+  CHECK(materials_of(read(file(folder, "m.obj",
+                               "v 0 0 0\nv 1 0 0\nv 1 1 0\nusemtl Mat A\nf 1 2 3\nusemtl Mat B # b\n"
+                               "f 1 2 3\nusemtl  Mat  A\nf 1 2 3\n"))) == 2);
   CHECK(at_x({}, 0).empty());
   CHECK(at_x({.materials = true}, 0) == std::set<double>{2});
   CHECK(at_x({.textures = true}, 0) == std::set<double>{3});
@@ -269,6 +280,14 @@ TEST_CASE("tgf: bones without length lose their direction, and rings of bones ar
     while (up != no_index && steps++ < 4) up = ring->bones[static_cast<std::size_t>(up)].parent;
     CHECK(up == no_index);
   }
+  // Each ring is cut once, at its first bone, also where others hang on it and come first.
+  const auto rings = read_tgf(
+      file(folder, "a.tgf", "1 0 0 0\n2 1 0 0\n3 0 1 0\n4 0 0 1\n5 1 0 1\n6 2 0 0\n#\n3 6\n1 2\n2 3\n3 1\n4 5\n5 4\n"),
+      {}, context);
+  REQUIRE(rings.has_value());
+  std::vector<Index> parents;
+  for (const Bone& bone : rings->bones) parents.push_back(bone.parent);
+  CHECK(parents == std::vector<Index>{2, no_index, 1, 2, no_index, 4});
 }
 
 TEST_CASE("tgf: each fault is named by line", "[io][tgf][fast]") {
@@ -322,6 +341,7 @@ TEST_CASE("dmat: each fault is named", "[io][dmat][fast]") {
   CHECK(starts(message("50000 199999999\n1\n"), "a.dmat:1: 50000 columns of 199999999 values are announced"));
   CHECK(starts(message("99999999 99999999\n1\n"), "a.dmat:1: 99999999 columns of 99999999 values are more than"));
   CHECK(starts(message("0 0\n2 2\n12345678"), "a.dmat:3: 2 columns of 2 values are announced"));
+  CHECK(starts(message("0 0\n2 1\n" + std::string(15, '\1')), "a.dmat:3: 2 columns of 1 values are announced"));
   CHECK(starts(message("0 0\n1 1"), "a.dmat: ends after its counts"));
   CHECK(starts(message("0 0\n0 0\n"), "a.dmat: holds no values"));
   std::string not_finite = "0 0\n1 1\n";
@@ -386,6 +406,42 @@ TEST_CASE("files: a failed write leaves the older file and nothing else", "[io][
   CHECK(files_in(folder) == 1);
   CHECK_FALSE(write_file(folder.path(), "new").ok());
   CHECK_FALSE(write_file("", "new").ok());
+}
+
+TEST_CASE("files: one place holds one thing, links are followed, and pipes are written to", "[io][fast]") {
+  const ScratchFolder folder("files");
+  const std::filesystem::path real = folder / "real.txt", link = folder / "link.txt", pipe = folder / "pipe";
+  std::filesystem::create_symlink("real.txt", link);
+  CHECK(same_file(folder / "new", folder / "." / "new"));
+  CHECK(same_file(link, real));
+  CHECK_FALSE(same_file(folder / "new", real));
+  {
+    FileSet files;
+    REQUIRE(files.add(link, "one"));
+    REQUIRE(files.add(real, "one"));  // as levels of detail share an image
+    const Status twice = files.add(folder / "." / "real.txt", "two");
+    REQUIRE(!twice.ok());
+    CHECK(twice.error().code == ErrorCode::bad_option);
+    REQUIRE(files.commit());
+  }
+  CHECK(std::filesystem::is_symlink(link));
+  CHECK(text_of(real) == "one");
+
+  REQUIRE(::mkfifo(pipe.c_str(), 0600) == 0);
+  std::string through;
+  {
+    const std::jthread reader([&] { through = text_of(pipe); });
+    CHECK(write_file(pipe, "through"));
+  }
+  CHECK(through == "through");
+  CHECK(std::filesystem::is_fifo(pipe));
+
+  {
+    FileSet files;
+    files.make_folder(folder / "a" / "b");
+    REQUIRE(files.add(folder / "a" / "b" / "c", "gone"));
+  }
+  CHECK_FALSE(std::filesystem::exists(folder / "a"));
 }
 
 TEST_CASE("files: what cannot be read is named", "[io][fast]") {

@@ -215,6 +215,37 @@ TEST_CASE("remesh: the result does not depend on the number of threads", "[pipel
   }
 }
 
+TEST_CASE("remesh: progress comes from the caller's thread, goes on all the way, and the log tells each part",
+          "[pipeline]") {
+  using namespace synthetic;
+  const Asset one = asset_of(torus_mesh(30, 14, 1, 0.3));
+  const Asset three = asset_of(joined(joined(torus_mesh(30, 14, 1, 0.3), scaled(sphere(10), 0.5, Vector3(3, 0, 0))),
+                                      scaled(cells({{0, 0, 0}}, 4), 1, Vector3(-4, 0, 0))));
+  for (const Asset* asset : {&one, &three}) {
+    Context context;
+    context.threads = 2;
+    const std::thread::id caller = std::this_thread::get_id();
+    std::vector<double> told;
+    std::vector<std::string> stages, lines;
+    bool elsewhere = false;
+    context.on_progress = [&](std::string_view stage, double fraction) {
+      elsewhere = elsewhere || std::this_thread::get_id() != caller;
+      told.push_back(fraction);
+      stages.emplace_back(stage);
+    };
+    context.on_log = [&](std::string_view line) { lines.emplace_back(line); };
+    REQUIRE(remesh(*asset, wanting(500), context));
+    CHECK_FALSE(elsewhere);
+    CHECK(std::ranges::is_sorted(told));
+    CHECK(told.front() == 0);
+    CHECK(told.back() == 1);
+    CHECK(std::ranges::count_if(told, [](double f) { return f > 0.1 && f < 0.95; }) >= 3);
+    for (const char* stage : {"metric", "field", "map", "integers", "fit"})
+      CHECK(std::ranges::find(stages, stage) != stages.end());
+    CHECK(lines.size() == (asset == &one ? 1u : 3u));
+  }
+}
+
 TEST_CASE("remesh: a rigged result is valid, weighted and the same at any number of threads", "[pipeline]") {
   Context making;
   const auto sample = make_sample("pear", 1500, making);

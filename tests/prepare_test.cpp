@@ -203,6 +203,24 @@ TEST_CASE("prepare: two cubes on one edge become two closed shells when their ed
   CHECK(volume(result.mesh) == Approx(2));
 }
 
+TEST_CASE("prepare: any number of faces may share one edge", "[prepare][fast]") {
+  for (const Index pages : {Index{5}, Index{64}, Index{65}, Index{3000}}) {
+    PolygonMesh book;
+    book.positions.resize(pages + 2, 3);
+    book.positions.row(0) << 0, 0, 0;
+    book.positions.row(1) << 0, 0, 1;
+    for (Index k = 0; k < pages; ++k) {
+      const double angle = 6.283185307179586 * k / pages;
+      book.positions.row(k + 2) << std::cos(angle), std::sin(angle), 0.5;
+      book.add_polygon(std::array<Index, 3>{0, 1, static_cast<Index>(k + 2)});
+    }
+    const Prepared result = prepared(book);
+    CHECK(result.report.split_edges == 1);
+    CHECK(result.mesh.face_count() == pages);
+    CHECK(result.report.components == (pages + 1) / 2);  // pairs of pages, and the last alone
+  }
+}
+
 TEST_CASE("prepare: a vertex of two fans is doubled", "[prepare][fast]") {
   const PolygonMesh bow_tie =
       polygons({{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {-1, 0, 0}, {-1, -1, 0}}, {{0, 1, 2}, {0, 3, 4}});

@@ -14,8 +14,10 @@ namespace quadrig {
 
 class Context {
  public:
-  /// Stage name and the fraction of the whole job done, in [0, 1]. Called from the calling thread only.
+  /// Stage name and the fraction of the whole job done, in [0, 1], as far as that can be told; it never falls. Called
+  /// from the calling thread only.
   using Progress = std::function<void(std::string_view stage, double fraction)>;
+  /// What a stage found, a line without an end. Called from the calling thread only.
   using Log = std::function<void(std::string_view line)>;
 
   Progress on_progress;
@@ -82,7 +84,26 @@ class Context {
   }
 };
 
-/// The same in ranges of thousands; without a context in one thread, as functions are that are given none.
+/// While it lives, what a context is told of progress is the part [from, to] of what its caller hears.
+class ProgressPart {
+ public:
+  ProgressPart(Context& context, double from, double to) : context_(context), outer_(context.on_progress) {
+    if (!outer_) return;
+    context.on_progress = [this, from, to, told = from](std::string_view stage, double fraction) mutable {
+      told = std::max(told, from + (to - from) * std::clamp(fraction, 0.0, 1.0));
+      outer_(stage, told);
+    };
+  }
+  ~ProgressPart() { context_.on_progress = std::move(outer_); }
+  ProgressPart(const ProgressPart&) = delete;
+  ProgressPart& operator=(const ProgressPart&) = delete;
+
+ private:
+  Context& context_;
+  Context::Progress outer_;
+};
+
+/// Context::parallel_for in ranges of thousands; without a context in one thread, as functions are that are given none.
 template <class Body>
 void parallel_for(const Context* context, std::size_t n, Body&& body) {
   constexpr std::size_t grain = 16384;

@@ -67,15 +67,23 @@ enum class DmatFormat : std::uint8_t { ascii, binary };
 /// Any text or bytes, with the same promise.
 [[nodiscard]] Status write_file(const std::filesystem::path& path, std::string_view contents);
 
+/// Whether two names are of one file, be it there or not yet. Links are followed.
+[[nodiscard]] bool same_file(const std::filesystem::path& a, const std::filesystem::path& b);
+
 /// Several files that appear together: contents go to temporary names beside their places, and are renamed by
-/// `commit`. What is not committed is removed by the destructor.
+/// `commit`. What is not committed is removed by the destructor. Links are followed; what is no file, as a pipe or a
+/// device, is written to by `commit`.
 class FileSet {
  public:
   FileSet() = default;
   ~FileSet();
   FileSet(const FileSet&) = delete;
   FileSet& operator=(const FileSet&) = delete;
-  /// \fails bad_file where the folder is absent or the disk is full.
+  /// Makes a folder and those above it, which are removed again where nothing is committed.
+  void make_folder(const std::filesystem::path& folder);
+  /// The same file with the same contents again is nothing new.
+  /// \fails bad_file where the folder is absent or the disk is full; bad_option where the file was added with other
+  ///   contents.
   [[nodiscard]] Status add(const std::filesystem::path& path, std::string_view contents);
   /// \fails bad_file where a rename is refused; the files not yet renamed are removed.
   [[nodiscard]] Status commit();
@@ -83,8 +91,10 @@ class FileSet {
  private:
   struct Entry {
     std::filesystem::path temporary, place;
+    std::string contents;  // of what is no file, and has no temporary name
   };
   std::vector<Entry> entries_;
+  std::vector<std::filesystem::path> folders_;  // that were made, the outermost first
 };
 
 /// The text of each writer, for a FileSet.

@@ -9,6 +9,11 @@ namespace quadrig::cli {
 void Session::begin(const std::atomic<bool>& interrupted) {
   context.threads = threads;
   context.cancel_flag = &interrupted;
+  if (verbose)
+    context.on_log = [this](std::string_view line) {
+      clear_progress();
+      std::fprintf(stderr, "quadrig: %.*s\n", static_cast<int>(line.size()), line.data());
+    };
   if (quiet || !isatty(STDERR_FILENO)) return;
   context.on_progress = [](std::string_view stage, double fraction) {
     std::fprintf(stderr, "\r\033[K%3d %%  %.*s", static_cast<int>(100 * fraction), static_cast<int>(stage.size()),
@@ -27,8 +32,8 @@ void Session::say(const std::string& text) const {
   std::fputs((text + "\n").c_str(), stdout);
 }
 
-void add_input(CLI::App& verb, Input& input) {
-  verb.add_option("MESH", input.files.mesh, "Surface: .obj, .off or .ply")->required()->type_name("");
+void add_input(CLI::App& verb, Input& input, const std::string& formats) {
+  verb.add_option("MESH", input.files.mesh, "Surface: " + formats)->required()->type_name("");
   auto* rig = verb.add_option("--rig", input.files.rig, "Bones: .tgf")->type_name("FILE");
   auto* weights = verb.add_option("--weights", input.files.weights, "Skin weights, a column a bone: .dmat");
   weights->type_name("FILE");
@@ -92,6 +97,10 @@ Json report_head(std::string_view verb, const Input& input, const LoadedAsset& l
   return report;
 }
 
+std::string report_text(const Json& report) {
+  return report.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";  // names of files may be any bytes
+}
+
 Json warnings_json(std::span<const Warning> warnings) {
   Json list = Json::array();
   for (const Warning& warning : warnings) list.push_back(warning.stage + ": " + warning.text);
@@ -99,15 +108,11 @@ Json warnings_json(std::span<const Warning> warnings) {
 }
 
 Status check_outputs(const Input& input, std::initializer_list<std::filesystem::path> outputs) {
-  const auto same = [](const std::filesystem::path& a, const std::filesystem::path& b) {
-    std::error_code ignored;
-    return a == b || std::filesystem::equivalent(a, b, ignored);
-  };
   std::vector<std::filesystem::path> taken = {input.files.mesh, input.files.rig, input.files.weights};
   for (const auto& output : outputs) {
     if (output.empty()) continue;
     for (const auto& other : taken)
-      if (!other.empty() && same(output, other))
+      if (!other.empty() && same_file(output, other))
         return Error{ErrorCode::bad_option, "would be written over " + other.string(), output.string(),
                      "give each output a name of its own"};
     taken.push_back(output);

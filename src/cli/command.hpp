@@ -15,7 +15,7 @@ using Json = nlohmann::ordered_json;
 
 /// One run: the context with its progress on a terminal, and what was asked for all verbs.
 struct Session {
-  bool quiet = false;
+  bool quiet = false, verbose = false;
   unsigned threads = 0;
   Context context;
   /// Done, but for parts that failed and stay as they were: an exit code of its own.
@@ -44,12 +44,14 @@ struct Input {
   AssetFiles files;
   LoadOptions load;
 };
-void add_input(CLI::App& verb, Input& input);
+void add_input(CLI::App& verb, Input& input, const std::string& formats = ".obj, .off or .ply");
 /// Loads the asset. \fails as load_asset
 [[nodiscard]] Expected<LoadedAsset> load(const Input& input, Session& session);
 
 /// The head of every report: version, verb and input with its repairs.
 [[nodiscard]] Json report_head(std::string_view verb, const Input& input, const LoadedAsset& loaded);
+/// What is written and printed of a report.
+[[nodiscard]] std::string report_text(const Json& report);
 [[nodiscard]] Json warnings_json(std::span<const Warning> warnings);
 
 /// Refuses outputs that are one another or an input.

@@ -51,6 +51,9 @@ std::string coloured_ply(const TriangleMesh<double>& mesh, const Rig& rig, const
 
 Status dominance(const DominanceCommand& options, Session& session) {
   if (Status status = check_outputs(options.input, {options.output, options.report}); !status) return status;
+  if (!options.output.empty() && options.output.extension() != ".ply")
+    return Error{ErrorCode::bad_option, "coloured surfaces are written as PLY alone", options.output.string(),
+                 "name a .ply file"};
   const Expected<LoadedAsset> loaded = load(options.input, session);
   if (!loaded) return loaded.error();
   const TriangleMesh<double>& mesh = loaded->asset.mesh;
@@ -90,7 +93,7 @@ Status dominance(const DominanceCommand& options, Session& session) {
   if (!options.output.empty())
     if (Status status = files.add(options.output, coloured_ply(mesh, rig, *made)); !status) return status;
   if (!options.report.empty())
-    if (Status status = files.add(options.report, report.dump(2) + "\n"); !status) return status;
+    if (Status status = files.add(options.report, report_text(report)); !status) return status;
   if (Status status = files.commit(); !status) return status;
   session.say(text);
   return {};

@@ -127,7 +127,7 @@ Status field(const FieldCommand& options, Session& session) {
     if (Status status = files.add(options.output, text); !status) return status;
   }
   if (!options.report.empty())
-    if (Status status = files.add(options.report, report.dump(2) + "\n"); !status) return status;
+    if (Status status = files.add(options.report, report_text(report)); !status) return status;
   if (Status status = files.commit(); !status) return status;
   std::string line = std::to_string(r.singularities_plus + r.singularities_minus) + " singularities (" +
                      std::to_string(r.singularities_plus) + " of valence below 4, " +

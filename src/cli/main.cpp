@@ -40,7 +40,8 @@ int run(int argc, char** argv) {
   app.fallthrough();
   app.set_version_flag("--version", "quadrig " QUADRIG_VERSION);
   cli::Session session;
-  app.add_flag("-q,--quiet", session.quiet, "Say nothing but errors");
+  auto* quiet = app.add_flag("-q,--quiet", session.quiet, "Say nothing but errors");
+  app.add_flag("-v,--verbose", session.verbose, "Say what each stage found too")->excludes(quiet);
   app.add_option("--threads", session.threads, "Most threads used; 0: all the machine has. Results do not depend on it")
       ->check(CLI::Range(0, 4096))
       ->type_name("N");

@@ -46,7 +46,18 @@ Json options_json(const RemeshCommand& o) {
   json["influences"] = o.remesh.influences;
   json["count_tolerance"] = o.remesh.count_tolerance;
   json["solver"] = o.remesh.solver.name;
-  json["strict"] = o.input.load.prepare.strict;
+  if (is_gltf(o.input.files.mesh)) {
+    json["poses"] = o.poses;
+    json["select"] = o.selection.names;
+    json["all"] = o.selection.unskinned;
+    json["source_map"] = o.source_map;
+    json["seams"] = o.seams;
+  }
+  const PrepareOptions& prepare = o.input.load.prepare;
+  json["weld"] = prepare.weld == Weld::never ? "never" : prepare.weld == Weld::all ? "all" : "seams";
+  json["weld_distance"] = prepare.weld_distance;
+  json["weight_tolerance"] = prepare.weight_tolerance;
+  json["strict"] = prepare.strict;
   return json;
 }
 
@@ -61,8 +72,9 @@ Json report_json(const RemeshCommand& options, const LoadedAsset& loaded, const 
 Status remesh_files(RemeshCommand options, Session& session) {
   const Input& input = options.input;
   const std::filesystem::path& weights_out = options.weights_out;
-  if (Status status = check_outputs(input, {options.output, options.report, weights_out, options.quads_out}); !status)
-    return status;
+  if (options.quads.size() <= 1)  // of several, each level's own names are checked
+    if (Status status = check_outputs(input, {options.output, options.report, weights_out, options.quads_out}); !status)
+      return status;
   const bool gltf = is_gltf(input.files.mesh);
   if (!gltf && options.output.extension() != ".obj")
     return Error{ErrorCode::bad_option, "quads are written as OBJ alone", options.output.string(), "name an .obj file"};
@@ -70,12 +82,18 @@ Status remesh_files(RemeshCommand options, Session& session) {
     return Error{ErrorCode::bad_option, "a glTF file has its rig and weights within", input.files.mesh.string(),
                  "leave out --rig, --weights and --weights-out"};
   if (!gltf && (!options.quads_out.empty() || options.poses != "bends" || options.source_map ||
-                options.selection.unskinned || !options.selection.names.empty()))
-    return Error{ErrorCode::bad_option, "--quads-out, --poses, --select, --all and --source-map are for glTF files",
+                options.selection.unskinned || !options.selection.names.empty() || !options.seams))
+    return Error{ErrorCode::bad_option,
+                 "--quads-out, --poses, --select, --all, --source-map and --no-seams are for glTF files",
                  input.files.mesh.string(), "leave them out"};
+  if (!options.quads_out.empty() && options.quads_out.extension() != ".obj")
+    return Error{ErrorCode::bad_option, "quads are written as OBJ alone", options.quads_out.string(),
+                 "name an .obj file"};
   if (!gltf && options.quads.size() > 1)
     return Error{ErrorCode::bad_option, "several counts are for glTF files", input.files.mesh.string(), "give one"};
-  if (options.quads.empty()) return Error{ErrorCode::bad_option, "is empty", "--quads", "give a count"};
+  if (options.quads.empty() || options.quads.size() > 16)
+    return Error{ErrorCode::bad_option, options.quads.empty() ? "is empty" : "are more than 16 counts", "--quads",
+                 options.quads.empty() ? "give a count" : "give fewer"};
   options.remesh.quads = options.quads.front();
   if (!weights_out.empty() && input.files.rig.empty())
     return Error{ErrorCode::bad_option, "weights asked of an asset without a rig", weights_out.string(),
@@ -96,6 +114,10 @@ Status remesh_files(RemeshCommand options, Session& session) {
   if (gltf && options.keeps("lines"))
     return Error{ErrorCode::bad_option, "--keep lines is for OBJ files", input.files.mesh.string(), "leave it out"};
   if (Status status = options.remesh.validate(); !status) return status;
+  if (options.input.load.bind) {
+    options.input.load.bind->influences = options.remesh.influences;
+    options.input.load.bind->solver = options.remesh.solver.name;
+  }
 
   if (gltf) {
     GltfJob job;
@@ -135,14 +157,14 @@ Status remesh_files(RemeshCommand options, Session& session) {
   }
   if (!options.report.empty()) {
     const Json report = report_json(options, *loaded, r, read_seconds, session.context.warnings);
-    if (Status status = files.add(options.report, report.dump(2) + "\n"); !status) return status;
+    if (Status status = files.add(options.report, report_text(report)); !status) return status;
   }
   if (Status status = files.commit(); !status) return status;
   std::string line =
       options.output.string() + ": " + std::to_string(r.quads) + " quads, " + std::to_string(r.irregular) +
       " irregular vertices, scaled Jacobian " + decimals(r.scaled_jacobian_average, 3) + " on average and " +
       decimals(r.scaled_jacobian_minimum, 3) + " at least, " + decimals(read_seconds + r.seconds.total, 2) + " s";
-  if (r.minimum_count > 0) line += "; this surface needs at least " + std::to_string(r.minimum_count) + " quads";
+  if (r.minimum_count > 0) line += "; fewer that fit this surface were not found";
   session.say(line);
   return {};
 }
@@ -198,11 +220,10 @@ void add_remesh(CLI::App& app, Run& run) {
   auto options = std::make_shared<RemeshCommand>();
   RemeshOptions& remesh = options->remesh;
   CLI::App* verb = app.add_subcommand("remesh", "Quads that follow the rig, with the rig's weights");
-  add_input(*verb, options->input);
+  add_input(*verb, options->input, ".obj, .off or .ply, or a glTF file: .glb or .gltf");
   verb->add_option("--quads", options->quads, "How many quads; of a glTF file several, one file a level of detail")
       ->required()
       ->delimiter(',')
-      ->expected(1, 16)
       ->allow_extra_args(false)
       ->type_name("N[,N…]");
   verb->add_option("-o,--output", options->output, "The quads; of a glTF file the whole file")
@@ -210,7 +231,8 @@ void add_remesh(CLI::App& app, Run& run) {
       ->type_name("OUT.obj|.glb|.gltf");
   verb->add_option("--quads-out", options->quads_out, "The quads of a glTF file alone")->type_name("Q.obj");
   verb->add_option("--weights-out", options->weights_out, "Their skin weights")->type_name("W.dmat");
-  verb->add_flag("--binary-weights", options->binary_weights, "Write the weights as binary DMAT");
+  verb->add_flag("--binary-weights", options->binary_weights, "Write the weights as binary DMAT")
+      ->needs("--weights-out");
   verb->add_option("--report", options->report, "The figures as JSON (docs/report-schema.json)")->type_name("FILE");
   verb->add_option("--preset", options->preset,
                    "default: the rig's directions, sizes by how it bends; thesis: the exact energy and densities of "

@@ -5,7 +5,7 @@ namespace quadrig::cli {
 namespace {
 
 /// All surfaces together, as the report of one surface.
-RemeshReport together(std::span<const GltfRemeshed> all) {
+RemeshReport together(std::span<const GltfRemeshed> all, const RemeshOptions& options) {
   RemeshReport sum;
   sum.valid = true;
   sum.scaled_jacobian_minimum = 1;
@@ -19,7 +19,6 @@ RemeshReport together(std::span<const GltfRemeshed> all) {
     sum.quads += r.quads;
     sum.vertices += r.vertices;
     sum.irregular += r.irregular;
-    sum.minimum_count += r.minimum_count;
     sum.components.insert(sum.components.end(), r.components.begin(), r.components.end());
     sum.warnings.insert(sum.warnings.end(), r.warnings.begin(), r.warnings.end());
     sum.seconds += r.seconds;
@@ -30,6 +29,7 @@ RemeshReport together(std::span<const GltfRemeshed> all) {
     }
   }
   if (sum.quads > 0) sum.scaled_jacobian_average /= sum.quads;
+  if (sum.quads > options.quads * (1 + options.count_tolerance)) sum.minimum_count = sum.quads;
   return sum;
 }
 
@@ -113,13 +113,13 @@ bool is_gltf(const std::filesystem::path& path) { return gltf_container(path).ha
 namespace {
 
 /// One level of detail: adds its outputs to `files` and its line for people to `lines`.
-Status add_level(const GltfJob& job, GltfDocument document, double read_seconds, FileSet& files, std::string& lines,
-                 Session& session) {
+Status add_level(const GltfJob& job, GltfDocument document, double read_seconds, std::span<const Warning> read_warnings,
+                 FileSet& files, std::string& lines, Session& session) {
   const Stopwatch watch;
   const std::size_t warned = session.context.warnings.size();
   const Expected<std::vector<GltfRemeshed>> all = remesh_gltf(document, job.options, session.context);
   if (!all) return all.error();
-  RemeshReport sum = together(*all);
+  RemeshReport sum = together(*all, job.options.remesh);
   sum.seconds.total = watch.seconds();
   if (!sum.valid)
     return Error{ErrorCode::stage_failed, "the quads break a rule of validity", "remesh", "ask for more quads"};
@@ -132,9 +132,12 @@ Status add_level(const GltfJob& job, GltfDocument document, double read_seconds,
     report["verb"] = "remesh";
     report["input"] = input_json(job.input, *all);
     report["options"] = job.options_json;
-    add_remesh_figures(report, sum, read_seconds, std::span(session.context.warnings).subspan(warned));
+    std::vector<Warning> warnings(read_warnings.begin(), read_warnings.end());
+    warnings.insert(warnings.end(), session.context.warnings.begin() + static_cast<std::ptrdiff_t>(warned),
+                    session.context.warnings.end());
+    add_remesh_figures(report, sum, read_seconds, warnings);
     report["surfaces"] = surfaces_json(*all);
-    if (Status status = files.add(job.report, report.dump(2) + "\n"); !status) return status;
+    if (Status status = files.add(job.report, report_text(report)); !status) return status;
   }
   Index passed = 0;
   std::size_t failed = 0;
@@ -171,19 +174,26 @@ Status remesh_gltf_file(const GltfJob& job, Session& session) {
   const Expected<GltfDocument> document = GltfDocument::read(job.input, {}, session.context);
   if (!document) return document.error();
   const double read_seconds = watch.seconds();
+  const std::vector<Warning> read_warnings = session.context.warnings;
+  std::vector<GltfJob> levels(job.quads.size(), job);
+  for (std::size_t k = 0; k < levels.size(); ++k) {
+    GltfJob& level = levels[k];
+    level.options.remesh.quads = job.quads[k];
+    level.options_json["quads"] = job.quads[k];
+    if (levels.size() == 1) break;
+    for (std::filesystem::path* path : {&level.output, &level.quads_out, &level.report}) *path = level_name(*path, k);
+    Input input;
+    input.files.mesh = job.input;
+    if (Status status = check_outputs(input, {level.output, level.report, level.quads_out}); !status) return status;
+  }
   FileSet files;
   std::string lines;
-  for (std::size_t level = 0; level < job.quads.size(); ++level) {
-    GltfJob one = job;
-    one.options.remesh.quads = job.quads[level];
-    one.options_json["quads"] = job.quads[level];
-    if (job.quads.size() > 1) {
-      for (std::filesystem::path* path : {&one.output, &one.quads_out, &one.report}) *path = level_name(*path, level);
-      Input input;
-      input.files.mesh = job.input;
-      if (Status status = check_outputs(input, {one.output, one.report, one.quads_out}); !status) return status;
-    }
-    if (Status status = add_level(one, document->copy(), read_seconds, files, lines, session); !status) return status;
+  for (std::size_t k = 0; k < levels.size(); ++k) {
+    const double part = 1 / static_cast<double>(levels.size()), begun = part * static_cast<double>(k);
+    const ProgressPart progress(session.context, begun, begun + part);
+    if (Status status = add_level(levels[k], document->copy(), read_seconds, read_warnings, files, lines, session);
+        !status)
+      return status;
   }
   if (Status status = files.commit(); !status) return status;
   session.say(lines);

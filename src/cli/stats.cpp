@@ -222,6 +222,19 @@ Expected<std::vector<Pose>> poses_of(const Rig& rig, const StatsCommand& options
 
 Status stats(const StatsCommand& options, Session& session) {
   std::optional<LoadedAsset> input;
+  for (const auto& path : options.meshes) {
+    Input read = options.input;
+    read.files.mesh = path;
+    if (Status status = check_outputs(read, {options.report}); !status) return status;
+  }
+  if (Status status = check_outputs(options.input, {options.report}); !status) return status;
+  const AssetFiles& input_files = options.input.files;
+  if (is_gltf(input_files.mesh) && !input_files.rig.empty())
+    return Error{ErrorCode::bad_option, "a glTF file has its rig and weights within", input_files.mesh.string(),
+                 "leave out --rig and --weights"};
+  if (!is_gltf(input_files.mesh) && (options.poses != "bends" || !options.selection.names.empty()))
+    return Error{ErrorCode::bad_option, "--poses and --select are for a glTF input", input_files.mesh.string(),
+                 "leave them out"};
   std::vector<Pose> poses;
   if (!options.input.files.mesh.empty()) {
     Expected<LoadedAsset> loaded =
@@ -246,10 +259,10 @@ Status stats(const StatsCommand& options, Session& session) {
   report["verb"] = "stats";
   report["meshes"] = all;
   if (!options.report.empty())
-    if (Status status = write_file(options.report, report.dump(2) + "\n"); !status) return status;
+    if (Status status = write_file(options.report, report_text(report)); !status) return status;
   session.clear_progress();
   if (options.json)
-    std::puts(report.dump(2).c_str());
+    std::fputs(report_text(report).c_str(), stdout);
   else
     for (const Json& one : all) session.say(as_text(one));
   return {};

@@ -36,16 +36,16 @@ double number(const char* bytes) {
   return static_cast<double>(value);
 }
 
-double component(const char* bytes, int type, bool normalized) {
+double component(const char* bytes, int type) {
   switch (type) {
     case 5120:
-      return normalized ? std::max(number<std::int8_t>(bytes) / 127, -1.0) : number<std::int8_t>(bytes);
+      return number<std::int8_t>(bytes);
     case 5121:
-      return number<std::uint8_t>(bytes) / (normalized ? 255 : 1);
+      return number<std::uint8_t>(bytes);
     case 5122:
-      return normalized ? std::max(number<std::int16_t>(bytes) / 32767, -1.0) : number<std::int16_t>(bytes);
+      return number<std::int16_t>(bytes);
     case 5123:
-      return number<std::uint16_t>(bytes) / (normalized ? 65535 : 1);
+      return number<std::uint16_t>(bytes);
     case 5125:
       return number<std::uint32_t>(bytes);
     default:
@@ -92,6 +92,21 @@ Expected<Located> locate(State& state, const Json& json, std::size_t element_byt
 }
 
 }  // namespace
+
+double normalized_component(double value, int type) {
+  switch (type) {
+    case 5120:
+      return std::max(value / 127, -1.0);
+    case 5121:
+      return value / 255;
+    case 5122:
+      return std::max(value / 32767, -1.0);
+    case 5123:
+      return value / 65535;
+    default:
+      return value;
+  }
+}
 
 Expected<AccessorShape> accessor_shape(const State& state, std::size_t i) {
   const std::string where = numbered("accessors", i);
@@ -140,9 +155,12 @@ Expected<Values> read_accessor(State& state, std::size_t i, Budget& budget) {
   const auto put = [&](std::size_t row, const char* bytes) {
     Eigen::Index c = 0;
     for (std::size_t column = 0; column < element.columns; ++column)
-      for (std::size_t k = 0; k < element.rows; ++k)
-        values(static_cast<Eigen::Index>(row), c++) = component(
-            bytes + column * element.column_bytes + k * shape.component_bytes, shape.component_type, shape.normalized);
+      for (std::size_t k = 0; k < element.rows; ++k) {
+        const double value =
+            component(bytes + column * element.column_bytes + k * shape.component_bytes, shape.component_type);
+        values(static_cast<Eigen::Index>(row), c++) =
+            shape.normalized ? normalized_component(value, shape.component_type) : value;
+      }
   };
   if (located)
     for (std::size_t k = 0; k < shape.count; ++k) put(k, located->first + k * located->stride);
@@ -165,7 +183,7 @@ Expected<Values> read_accessor(State& state, std::size_t i, Budget& budget) {
   const Expected<Located> elements = locate(state, *replaced, element.bytes, *count, false, where + ".sparse.values");
   if (!elements) return elements.error();
   for (std::size_t k = 0; k < *count; ++k) {
-    const double row = component(rows->first + k * rows->stride, type, false);
+    const double row = component(rows->first + k * rows->stride, type);
     if (!(row < static_cast<double>(shape.count))) return state.bad(at_indices, "go beyond the accessor");
     put(static_cast<std::size_t>(row), elements->first + k * elements->stride);
   }

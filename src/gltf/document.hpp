@@ -82,6 +82,9 @@ using quadrig::detail::at;
 // uri.cpp
 [[nodiscard]] Expected<std::string> decode_data_uri(const State& state, std::string_view uri, const std::string& where);
 [[nodiscard]] std::string encode_base64(std::string_view bytes);
+/// A relative reference and the name it stands for. What means anything in a URI, and what is no ASCII, is encoded.
+[[nodiscard]] std::string percent_decoded(std::string_view text);
+[[nodiscard]] std::string percent_encoded(std::string_view name);
 /// The file that a relative name stands for. \fails bad_input where it has a scheme, is absolute or leaves the folder
 [[nodiscard]] Expected<std::filesystem::path> relative_file(const State& state, std::string_view uri,
                                                             const std::string& where);
@@ -115,6 +118,8 @@ struct AccessorShape {
   bool normalized = false;
 };
 [[nodiscard]] Expected<AccessorShape> accessor_shape(const State& state, std::size_t i);
+/// What a normalized integer of a component type stands for.
+[[nodiscard]] double normalized_component(double value, int type);
 using Values = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 /// count × components, normalized integers as numbers in [−1, 1]. \fails bad_input, unsupported
 [[nodiscard]] Expected<Values> read_accessor(State& state, std::size_t i, Budget& budget);

@@ -78,6 +78,7 @@ Expected<DracoMesh> read_draco(State& state, const Json& extension, const std::s
       for (int k = 0; k < width; ++k)
         (*values)(static_cast<Eigen::Index>(p.value()), k) = static_cast<double>(row[static_cast<std::size_t>(k)]);
     }
+    if (!attribute->normalized()) result.as_stored.insert(name);
     result.attributes[name] = std::move(values);
   }
   return result;

@@ -97,11 +97,11 @@ Expected<Skin> read_skin(State& state, const NodeTree& tree, std::size_t i, Budg
   }
   const std::size_t count = skin.joints.size();
   if (count == 0) return state.bad(where, "has no joints");
-  for (const std::size_t joint : skin.joints) {
-    std::size_t up = tree.nodes[joint].parent;
-    while (up != Node::no_node && joint_of[up] == no_index) up = tree.nodes[up].parent;
-    skin.parent.push_back(up == Node::no_node ? no_index : joint_of[up]);
-  }
+  std::vector<Index> above(tree.nodes.size(), no_index);  // the nearest joint above each node
+  for (const std::size_t node : tree.order)
+    if (const std::size_t up = tree.nodes[node].parent; up != Node::no_node)
+      above[node] = joint_of[up] != no_index ? joint_of[up] : above[up];
+  for (const std::size_t joint : skin.joints) skin.parent.push_back(above[joint]);
   skin.inverse_bind.assign(count, Eigen::Affine3d::Identity());
   if (member(**json, "inverseBindMatrices")) {
     const Expected<std::size_t> accessor = whole_member(state, **json, "inverseBindMatrices", where);

@@ -37,11 +37,22 @@ Expected<std::shared_ptr<const Values>> PrimitiveReader::stored(const Json& json
   return read_cached(*state_, *number, *budget_, *cache_);
 }
 
+std::shared_ptr<const Values> PrimitiveReader::as_accessor(const std::shared_ptr<const Values>& values,
+                                                           const Json& json) const {
+  const auto number = whole(json);
+  if (!number) return values;
+  const Expected<AccessorShape> shape = accessor_shape(*state_, *number);
+  if (!shape || !shape->normalized) return values;
+  return std::make_shared<Values>(
+      values->unaryExpr([&](double value) { return normalized_component(value, shape->component_type); }));
+}
+
 Expected<std::shared_ptr<const Values>> PrimitiveReader::values(const std::string& name, const Json& json,
                                                                 const std::string& where) const {
   auto found = [&]() -> Expected<std::shared_ptr<const Values>> {
     if (draco_)
-      if (const auto packed = draco_->attributes.find(name); packed != draco_->attributes.end()) return packed->second;
+      if (const auto packed = draco_->attributes.find(name); packed != draco_->attributes.end())
+        return draco_->as_stored.contains(name) ? as_accessor(packed->second, json) : packed->second;
     return stored(json, where);
   }();
   if (!found) return found;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <set>
 
 #include "document.hpp"
 
@@ -12,6 +13,7 @@ struct DracoMesh {
   std::size_t vertices = 0;
   std::vector<std::size_t> corners;
   std::map<std::string, std::shared_ptr<const Values>> attributes;
+  std::set<std::string> as_stored;  // that the stream does not call normalized: their accessors say
 };
 /// \fails bad_input; unsupported in a build without Draco
 [[nodiscard]] Expected<DracoMesh> read_draco(State& state, const Json& extension, const std::string& where,
@@ -49,6 +51,9 @@ class PrimitiveReader {
  private:
   PrimitiveReader(State& state, Budget& budget, Cache& cache) : state_(&state), budget_(&budget), cache_(&cache) {}
   [[nodiscard]] Expected<std::shared_ptr<const Values>> stored(const Json& json, const std::string& where) const;
+  /// Normalized where the accessor says so.
+  [[nodiscard]] std::shared_ptr<const Values> as_accessor(const std::shared_ptr<const Values>& values,
+                                                          const Json& json) const;
   [[nodiscard]] Status read_corners(const Json& primitive, const std::string& where);
 
   State* state_;

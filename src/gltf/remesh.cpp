@@ -259,8 +259,15 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
   Expected<std::vector<gltf::Gathered>> gathered =
       gltf::gather(state, options.prepare, clips, options.selection, context);
   if (!gathered) return gathered.error();
+  if (std::ranges::none_of(*gathered, [](const gltf::Gathered& one) { return one.surface.asset.rig.has_value(); })) {
+    if (options.remesh.group_borders)
+      return Error{ErrorCode::bad_option, "vertex groups are the columns of skin weights", "group_borders",
+                   "give a file with a skin"};
+    if (options.remesh.preset == FieldPreset::thesis)
+      return Error{ErrorCode::bad_option, "the thesis preset needs a rig", "preset", "use the static one"};
+  }
   std::vector<gltf::Shells> shells = gltf::choose_shells(*gathered, options);
-  double whole = 0;
+  double whole = 0, begun = 0;
   for (const gltf::Shells& one : shells) whole += one.kept_area;
 
   std::vector<GltfRemeshed> all;
@@ -277,6 +284,9 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
       done.failures.push_back({job.gathered.surface.label(), *job.gathered.failure});
     } else if (shells[s].kept_area > 0) {
       const double quads = options.remesh.quads * shells[s].kept_area / whole;
+      context.log(job.gathered.surface.label());
+      const ProgressPart progress(context, begun / whole, (begun + shells[s].kept_area) / whole);
+      begun += shells[s].kept_area;
       if (Status status = gltf::remesh_shells(job.gathered, shells[s], quads, options, done, job.source_face, context);
           !status)
         return status.error();

@@ -70,9 +70,20 @@ Status remesh_shells(const Gathered& gathered, Shells& shells, double quads, con
                      GltfRemeshed& done, std::vector<Index>& source_face, Context& context) {
   const GltfSurface& surface = gathered.surface;
   RemeshOptions own = options.remesh;
-  if (!surface.asset.rig && own.preset == FieldPreset::thesis) own.preset = FieldPreset::flat;
-  if (options.pose_source == GltfPoses::clips && surface.asset.rig)
+  const auto tell = [&](const std::string& text) { context.warn("gltf", surface.label() + ": " + text); };
+  if (!surface.asset.rig && own.preset == FieldPreset::thesis) {
+    own.preset = FieldPreset::flat;
+    tell("has no rig, which the thesis preset needs: made by the static one");
+  }
+  if (!surface.asset.rig && own.group_borders) {
+    own.group_borders = false;
+    tell("has no rig, so no borders of vertex groups are kept");
+  }
+  if (options.pose_source == GltfPoses::clips && surface.asset.rig) {
     own.poses = clip_poses(surface.asset.rig->clips, options.most_poses);
+    if (own.poses.empty()) tell("has no clips: every joint is bent instead");
+  }
+  bool told = false;
   const auto count = [](double wanted) { return std::max<Index>(6, static_cast<Index>(std::lround(wanted))); };
   const auto attempt = [&](const Shells& of, double wanted, Context& with) -> Expected<RemeshResult> {
     source_face.clear();
@@ -84,6 +95,8 @@ Status remesh_shells(const Gathered& gathered, Shells& shells, double quads, con
       for (Index h = 0; h < part.mesh.halfedge_count(); ++h)
         if (regions.parts_primitives(h) ? options.keep_materials : options.keep_textures && regions.is_seam(h))
           own.features.push_back(h);
+      if (own.features.empty() && !std::exchange(told, true))
+        tell("has no borders of materials or textures, so none are kept");
     }
     if (options.snap_seams)
       own.before_fit = [&](const TriangleMesh<double>& mesh, const std::vector<char>& held, QuadMesh& mesh_of_quads) {

@@ -15,6 +15,8 @@ int hexadecimal(char c) {
   return -1;
 }
 
+}  // namespace
+
 std::string percent_decoded(std::string_view text) {
   std::string result;
   result.reserve(text.size());
@@ -32,7 +34,18 @@ std::string percent_decoded(std::string_view text) {
   return result;
 }
 
-}  // namespace
+std::string percent_encoded(std::string_view name) {
+  constexpr std::string_view digits16 = "0123456789ABCDEF";
+  std::string uri;
+  for (const char c : name) {
+    const auto byte = static_cast<unsigned char>(c);
+    if ((c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '.' || c == '_' || c == '-')
+      uri += c;
+    else
+      uri.append(1, '%').append(1, digits16[byte >> 4U]).append(1, digits16[byte & 15U]);
+  }
+  return uri;
+}
 
 std::string encode_base64(std::string_view bytes) {
   std::string text;

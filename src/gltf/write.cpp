@@ -49,7 +49,7 @@ Expected<std::string> glb_bytes(State& state, bool untouched) {
   return bytes;
 }
 
-/// The files that the JSON names and that belong to it.
+/// The files that the JSON names and that belong to it, as URIs.
 std::set<std::string> named_files(const Json& json, const char* array) {
   std::set<std::string> names;
   for (const Json& one : array_of(json, array))
@@ -59,19 +59,13 @@ std::set<std::string> named_files(const Json& json, const char* array) {
   return names;
 }
 
-/// A name beside the document that none of its other files has.
-std::string free_name(const std::filesystem::path& place, const std::set<std::string>& taken) {
-  const std::string stem = place.stem().string();
+/// A name beside the document that none of its other files has, and is remembered among them.
+std::filesystem::path free_name(const std::filesystem::path& place, std::set<std::filesystem::path>& taken) {
   for (std::size_t i = 0;; ++i) {
-    // Characters that mean something in a URI are replaced, so that the name is its own URI.
-    std::string name = stem;
-    if (i > 0) name.append(1, '_').append(std::to_string(i));
+    std::filesystem::path name = place.stem();
+    if (i > 0) name += "_" + std::to_string(i);
     name += ".bin";
-    for (char& c : name)
-      if (!((c >= '0' && c <= '9') || (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '.' || c == '_' ||
-            c == '-'))
-        c = '_';
-    if (!taken.contains(name)) return name;
+    if (taken.insert(name).second) return name;
   }
 }
 
@@ -148,17 +142,23 @@ Status GltfDocument::add_to(FileSet& files, const std::filesystem::path& place, 
   const std::set<std::string> buffers = gltf::named_files(copy.json, "buffers"),
                               images = gltf::named_files(copy.json, "images");
   if (*wanted == GltfContainer::json) {
-    std::set<std::string> taken = buffers;
-    taken.insert(images.begin(), images.end());
+    std::set<std::filesystem::path> taken;
+    for (const auto* names : {&buffers, &images})
+      for (const std::string& uri : *names)
+        taken.insert(std::filesystem::path(gltf::percent_decoded(uri)).lexically_normal());
     for (std::size_t i = 0; i < copy.buffers.size(); ++i) {
       if (!copy.buffers[i].embedded) continue;
-      const std::string name = gltf::free_name(place, taken);
-      taken.insert(name);
+      const std::filesystem::path name = gltf::free_name(place, taken);
       const Expected<std::string_view> bytes = gltf::buffer_bytes(copy, i);
       if (!bytes) return bytes.error();
       if (Status status = files.add(place.parent_path() / name, *bytes); !status) return status;
-      copy.json["buffers"][i]["uri"] = name;
+      copy.json["buffers"][i]["uri"] = gltf::percent_encoded(name.string());
     }
+    for (const gltf::Chunk& chunk : copy.chunks)
+      if (!chunk.is_buffer && chunk.type != gltf::json_chunk) {
+        context.warn("gltf", "chunks of a .glb that are neither JSON nor its buffer have no place in a .gltf file");
+        break;
+      }
     if (Status status = files.add(place, untouched ? copy.text : copy.json.dump(2) + "\n"); !status) return status;
   }
 
@@ -175,7 +175,7 @@ Status GltfDocument::add_to(FileSet& files, const std::filesystem::path& place, 
     Expected<std::string> bytes = io::read_file(*source, {.bytes = copy.limits.bytes});
     if (!bytes) return bytes.error();
     const std::filesystem::path target = place.parent_path() / source->lexically_relative(from);
-    if (target.has_parent_path()) std::filesystem::create_directories(target.parent_path(), ignored);
+    files.make_folder(target.parent_path());
     return files.add(target, *bytes);
   };
   for (const std::string& name : buffers)

@@ -21,9 +21,11 @@ class Lines {
   [[nodiscard]] std::size_t line() const { return cursor_.line(); }
   std::string_view word() {
     while (true) {
-      const std::string_view found = cursor_.word('#');
-      if (found != "\\") return found;
+      std::string_view found = cursor_.word('#');
+      if (!found.ends_with('\\') || !cursor_.at_line_end()) return found;
+      found.remove_suffix(1);
       cursor_.next_line();
+      if (!found.empty()) return found;
     }
   }
   bool next() { return cursor_.next_line(); }
@@ -136,8 +138,9 @@ Expected<PolygonMesh> read_obj(const std::filesystem::path& path, const FileLimi
       const double u = coordinate();
       textures.add(u, coordinate());
     } else if (keyword == "usemtl") {
-      material =
-          materials.try_emplace(std::string(lines.word()), static_cast<Index>(materials.size()) + 1).first->second;
+      std::string name;  // with its blanks: "Mat A" is not "Mat B"
+      for (std::string_view word = lines.word(); !word.empty(); word = lines.word()) name.append(word).append(1, ' ');
+      material = materials.try_emplace(std::move(name), static_cast<Index>(materials.size()) + 1).first->second;
     } else if (keyword == "l") {
       const auto so_far = static_cast<std::int64_t>(coordinates.size() / 3);
       Index before = no_index;

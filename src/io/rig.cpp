@@ -79,11 +79,23 @@ Expected<Skeleton> read_tgf(const std::filesystem::path& path, const FileLimits&
     const auto found = bone_ending_at.find(ends[b].first);
     if (found != bone_ending_at.end()) skeleton.bones[b].parent = found->second;
   }
-  for (std::size_t b = 0; b < ends.size(); ++b) {  // a ring of bones: cut where the walk upward comes back
-    Index up = skeleton.bones[b].parent;
-    for (std::size_t steps = 0; up != no_index && up != static_cast<Index>(b) && steps < ends.size(); ++steps)
-      up = skeleton.bones[static_cast<std::size_t>(up)].parent;
-    if (up == static_cast<Index>(b)) skeleton.bones[b].parent = no_index;
+  std::vector<std::size_t> walk(ends.size(), ends.size());  // the first walk upward that came by each bone
+  for (std::size_t b = 0; b < ends.size(); ++b) {
+    auto up = b;
+    while (walk[up] == ends.size()) {
+      walk[up] = b;
+      const Index next = skeleton.bones[up].parent;
+      if (next == no_index) break;
+      if (walk[static_cast<std::size_t>(next)] == b) {  // a ring of bones, cut at the first of the file
+        Index first = next;
+        for (Index k = skeleton.bones[static_cast<std::size_t>(next)].parent; k != next;
+             k = skeleton.bones[static_cast<std::size_t>(k)].parent)
+          first = std::min(first, k);
+        skeleton.bones[static_cast<std::size_t>(first)].parent = no_index;
+        break;
+      }
+      up = static_cast<std::size_t>(next);
+    }
   }
   if (without_length > 0)
     context.warn("read", path.string() + ": " + std::to_string(without_length) +
@@ -113,7 +125,7 @@ Expected<Eigen::MatrixXd> read_dmat(const std::filesystem::path& path, const Fil
     return at_line(path, cursor.line(), announced + " are more than the limit", "raise the limit");
   if (binary && !cursor.next_line()) return io::in_file(path, "ends after its counts", "check that it is complete");
   const std::uint64_t values = static_cast<std::uint64_t>(rows) * static_cast<std::uint64_t>(columns);
-  if (values > (cursor.bytes_left() + 1) / (binary ? 8 : 2))
+  if (values > (binary ? cursor.bytes_left() / 8 : (cursor.bytes_left() + 1) / 2))
     return at_line(path, cursor.line(), announced + " are announced, more than the file can hold",
                    "check that the file is complete");
   Eigen::MatrixXd matrix(static_cast<Eigen::Index>(rows), static_cast<Eigen::Index>(columns));

@@ -40,6 +40,7 @@ class Cursor {
   }
   [[nodiscard]] std::size_t line() const { return line_; }
   [[nodiscard]] bool at_end() const { return at_ == end_; }
+  [[nodiscard]] bool at_line_end() const { return at_ == end_ || *at_ == '\n' || *at_ == '\r'; }
   [[nodiscard]] std::size_t bytes_left() const { return static_cast<std::size_t>(end_ - at_); }
   [[nodiscard]] const char* position() const { return at_; }
 

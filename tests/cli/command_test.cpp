@@ -106,6 +106,33 @@ TEST_CASE("command: stats tell a sound quad mesh from one that is not", "[cli][f
   CHECK(has(bad.output, "scaled Jacobian 0 or less"));
 }
 
+TEST_CASE("command: no output is written over an input or another output, by whatever name", "[cli][fast]") {
+  const ScratchFolder folder("cli");
+  REQUIRE(run_quadrig(folder, "sample pear -o . --triangles 1000").exit_code == 0);
+  const std::vector<std::string> before = names_in(folder.path());
+  const std::string mesh = read_text(folder / "pear.obj");
+  for (const char* arguments :
+       {"stats pear.obj --report pear.obj", "stats pear.obj --input pear.obj --report ./pear.obj",
+        "remesh pear.obj --quads 300 -o new.obj --report ./new.obj",
+        "dominance pear.obj --rig pear.tgf --weights "
+        "pear.dmat -o d.obj",
+        "stats pear.obj --input pear.obj --poses clips", "stats pear.obj --select a",
+        "remesh pear.obj --quads 300 -o new.obj --no-seams", "remesh pear.obj --quads 300 -o new.obj --binary-weights",
+        "remesh pear.obj --quads 300 -o new.obj --quads-out new.ply"}) {
+    INFO(arguments);
+    CHECK(run_quadrig(folder, arguments).exit_code == 2);
+    CHECK(names_in(folder.path()) == before);
+  }
+  CHECK(read_text(folder / "pear.obj") == mesh);
+  const CommandResult told =
+      run_quadrig(folder, "remesh --quads 300 pear.obj -o new.obj --report /dev/stdout --verbose 2>&1 | cat");
+  INFO(told.error);
+  CHECK(told.exit_code == 0);
+  CHECK(has(told.output, "\"verb\": \"remesh\""));
+  CHECK(has(told.output, "quadrig: component 0 of "));
+  CHECK(read_text(folder / "new.obj").size() > 1000);
+}
+
 TEST_CASE("command: strict refuses what is mended otherwise", "[cli][fast]") {
   const ScratchFolder folder("cli");
   write_text(folder / "soup.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3\nf 4 5 6\nv 9 9 9\n");

@@ -575,7 +575,13 @@ Expected<FieldResult> design_field(const TriangleMesh<Scalar>& mesh, const Rig* 
   auto result = options.preset == FieldPreset::thesis
                     ? detail::design_thesis_field(problem, options, std::move(report), context)
                     : detail::design_smooth_field(problem, options, std::move(report), context);
-  if (result) result->report.seconds = clock.seconds();
+  if (!result) return result;
+  FieldReport& told = result->report;
+  told.seconds = clock.seconds();
+  if (context.on_log)
+    context.log("field of " + std::to_string(told.faces) + " triangles: " + std::to_string(told.singularities_plus) +
+                " and " + std::to_string(told.singularities_minus) + " singularities, " +
+                std::to_string(told.merge_rounds) + " rounds of merging, solved by " + told.solve.backend);
   return result;
 }
 

@@ -94,6 +94,7 @@ class ComponentRemesher {
 
     bool first = true, kept_last = false;
     int poor = 0;  // attempts begun since there were quads that are valid but poor
+    double begun = 0;
     for (const Attempt& attempt : ladder()) {
       if (context_.cancelled()) return cancelled_error("remesh");
       if (std::exchange(kept_last, attempt.keeps) && !attempt.keeps && !best_) {
@@ -108,6 +109,8 @@ class ComponentRemesher {
       if (spent && attempt.keeps) continue;
       if (spent || (best_ && ++poor > 1)) break;
       if (attempt.longest_edge > 0 && (dear_ || attempt.longest_edge <= endless_)) continue;
+      const ProgressPart progress(context_, begun, (1 + begun) / 2);  // how many there will be is not known
+      begun = (1 + begun) / 2;
       const Expected<bool> good = climb(attempt, std::exchange(first, false));
       if (!good) return good.error();
       if (*good) break;
@@ -160,6 +163,7 @@ class ComponentRemesher {
   /// Whether the attempt ended with good quads. \fails cancelled, bad_option
   [[nodiscard]] Expected<bool> climb(const Attempt& attempt, bool first) {
     watch_ = {};
+    context_.progress("triangles", 0);
     std::optional<Piece> piece = ground(attempt);
     lap(result_.seconds.pieces);
     if (!piece) return false;
@@ -171,6 +175,7 @@ class ComponentRemesher {
       return false;
     }
     if (context_.cancelled()) return cancelled_error("remesh");
+    context_.progress("field", 0.1);
     const Connection<double> connection(mesh, &context_);
     if (context_.cancelled()) return cancelled_error("remesh");
     Expected<FieldResult> field =
@@ -351,6 +356,7 @@ class ComponentRemesher {
                                              const Connection<double>& connection, const FieldResult& field,
                                              std::vector<Index>& trouble) {
     const TriangleMesh<double>& mesh = piece.asset.mesh;
+    context_.progress("map", 0.2);
     FrameField frames = field.frames;
     if (shared_.sizes)
       if (Status status = apply_sizes(mesh, connection, *shared_.sizes, shared_.connection, piece.parent, quads_, area_,

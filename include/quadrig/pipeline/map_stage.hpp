@@ -65,6 +65,7 @@ class MapStage {
   [[nodiscard]] Expected<MapOutput> run(std::vector<Index>& trouble, Context& context) {
     if (Status status = find_seamless(trouble, context); !status.ok()) return status.error();
     if (context.cancelled()) return cancelled_error("coarse map");
+    context.progress("integers", 0.6);
     const double scale = std::sqrt(in_.quads / map_area(z_));
     for (Complex& p : z_) p *= scale;
     const CoarseMap coarse = decimate_map(mesh_, in_.cut, in_.index, in_.aligned, z_, &context);
@@ -73,6 +74,7 @@ class MapStage {
     CoarseQuadsSearch search(coarse, in_.index, on_border_, topology_, seconds_);
     Expected<CoarseQuads> found = integers(search, in_.quads, options_.count_tolerance, 0.75, reasons_, context);
     if (!found) return found.error();
+    context.progress("quads", 0.8);
     Expected<MapOutput> made = quads_of(coarse, *found, context);
     if (!made) return made.error();
     if (Status status = vary(search, coarse, found->integers.quads, *made, context); !status.ok())

@@ -99,14 +99,15 @@ class Remesher {
 
   [[nodiscard]] Expected<RemeshResult> run() {
     const Stopwatch total;
+    const ProgressPart whole(context_, 0, 1);
     if (context_.cancelled()) return cancelled_error("remesh");
     const Connection<double> connection(mesh_, &context_);
     if (context_.cancelled()) return cancelled_error("remesh");
     context_.progress("metric", 0);
     if (Status status = measure(connection); !status.ok()) return status.error();
-    context_.progress("remesh", 0.1);
     if (Status status = remesh_parts(connection); !status.ok()) return status.error();
     if (Status status = gather(); !status.ok()) return status.error();
+    context_.progress("fit", parts_done);
     if (Status status = finish(); !status.ok()) return status.error();
     RemeshReport& report = result_.report;
     tell();
@@ -123,6 +124,7 @@ class Remesher {
 
  private:
   using Part = std::optional<Expected<ComponentResult>>;
+  static constexpr double measured = 0.1, parts_done = 0.95;  // of the job
 
   [[nodiscard]] bool sized() const { return sizing_.density != DensitySource::field; }
 
@@ -215,8 +217,20 @@ class Remesher {
     const EdgeMarks kept = kept_edges(mesh_, options_);
     const RemeshShared shared{
         asset_, connection, options_, sizing_, sized() ? &sizes_ : nullptr, metric_ ? &*metric_ : nullptr, kept};
+    // Progress is for the caller's thread: that of the parts it remeshes, and the faces of those that are done.
+    const std::thread::id caller = std::this_thread::get_id();
+    std::atomic<Index> done{0};
+    const ProgressPart progress(context_, measured, parts_done);
     const auto remesh_part = [&](std::size_t c, double asked) {
-      return remesh_component(shared, faces_[c], asked, context_.quiet(faces_.size() > 1 ? 1 : context_.threads));
+      Context own = context_.quiet(faces_.size() > 1 ? 1 : context_.threads);
+      const auto faces = static_cast<Index>(faces_[c].size());
+      if (std::this_thread::get_id() == caller)
+        own.on_progress = [&, faces](std::string_view stage, double fraction) {
+          context_.progress(stage, (done + fraction * faces) / mesh_.face_count());
+        };
+      auto result = remesh_component(shared, faces_[c], asked, own);
+      done += faces;
+      return result;
     };
     parts_.resize(faces_.size());
     context_.parallel_for(parts_.size(), 1, [&](std::size_t begin, std::size_t end) {
@@ -287,10 +301,20 @@ class Remesher {
         report.field = part.field;
         report.backends = part.backends;
       }
+      log(report.components.size(), part.report);
       report.components.push_back(std::move(part.report));
     }
     report.seconds.transfer += watch.seconds();
     return {};
+  }
+
+  void log(std::size_t number, const ComponentReport& part) const {
+    if (!context_.on_log) return;
+    std::string line = "component " + std::to_string(number) + " of " + std::to_string(part.faces) +
+                       " triangles: " + std::to_string(part.quads) + " quads, " + std::to_string(part.irregular) +
+                       " irregular vertices, " + std::string(rung_name(part.rung));
+    for (const std::string& reason : part.reasons) line += "; " + reason;
+    context_.log(line);
   }
 
   /// The fit, and weights of the vertices where they came to lie.

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <numbers>
+#include <set>
 
 #include "quadrig/prepare.hpp"
 #include "quadrig/prepare/triangulate.ipp"
@@ -196,6 +197,11 @@ inline void pair_around(const Work& work, std::span<const Side> edge, std::vecto
   if (alternating) {
     for (std::size_t i = 0; i < k; ++i)
       if (wings[i].along) join(wings[i], wings[(i + k - 1) % k]);
+    return;
+  }
+  // So many faces on one edge bound nothing: each with the one that lies about opposite.
+  if (constexpr std::size_t most = 64; k > most) {
+    for (std::size_t i = 0; i < k / 2; ++i) join(wings[i], wings[i + k / 2]);
     return;
   }
   std::vector<char> taken(k, 0);
@@ -439,7 +445,9 @@ inline bool remove_flat_faces(Work& work, double ratio, Groups& groups, PrepareR
       });
     };
     std::vector<char> touched(work.faces.size(), 0), gone(work.faces.size(), 0);
-    std::vector<std::array<Index, 2>> made;
+    std::vector<char> is_flat(work.faces.size(), 0);
+    for (const Index f : flat) is_flat[static_cast<std::size_t>(f)] = 1;
+    std::set<std::array<Index, 2>> made;
     bool flipped = false;
     for (const Index f : flat) {
       const auto here = static_cast<std::size_t>(f);
@@ -460,13 +468,13 @@ inline bool remove_flat_faces(Work& work, double ratio, Groups& groups, PrepareR
       const Index d = work.faces[there][static_cast<std::size_t>((g % 3 + 2) % 3)];
       const std::array<Index, 2> edge{std::min(c, d), std::max(c, d)};
       const auto [cd_first, cd_last] = sides_of(c, d);
-      if (c == d || cd_first != cd_last || std::find(made.begin(), made.end(), edge) != made.end()) continue;
+      if (c == d || cd_first != cd_last || made.contains(edge)) continue;
       const Face left{a, d, c}, right{d, b, c};
       if (std::min(flatness(work, left), flatness(work, right)) <= before) continue;
       work.faces[here] = left;
       work.faces[there] = right;
       touched[here] = touched[there] = 1;
-      made.push_back(edge);
+      made.insert(edge);
       flipped = true;
     }
     if (!flipped) {
@@ -483,7 +491,7 @@ inline bool remove_flat_faces(Work& work, double ratio, Groups& groups, PrepareR
     changed = true;
     std::size_t kept = 0;
     for (std::size_t f = 0; f < work.faces.size(); ++f) {
-      if (touched[f] && std::find(flat.begin(), flat.end(), static_cast<Index>(f)) != flat.end()) ++report.flat_faces;
+      if (touched[f] && is_flat[f]) ++report.flat_faces;
       if (gone[f]) continue;
       work.faces[kept] = work.faces[f];
       work.polygon[kept++] = work.polygon[f];

@@ -96,10 +96,12 @@ QUADRIG_INLINE PolygonMesh PolygonMesh::from_triangles(Points<double> positions,
 QUADRIG_INLINE Expected<Triangulation> triangulate(const PolygonMesh& polygons, Index max_corners) {
   constexpr std::size_t face_limit = std::size_t{1} << 31;
   const Points<double>& positions = polygons.positions;
+  constexpr double largest = 1e60;  // products of a few lengths are to be finite
   for (Index v = 0; v < polygons.vertex_count(); ++v)
-    if (!positions.row(v).allFinite())
-      return Error{ErrorCode::bad_input, "position is not finite", "vertex " + std::to_string(v),
-                   "give every vertex three finite coordinates"};
+    if (!positions.row(v).allFinite() || !(positions.row(v).cwiseAbs().maxCoeff() < largest))
+      return Error{ErrorCode::bad_input,
+                   positions.row(v).allFinite() ? "position is beyond 1e60" : "position is not finite",
+                   "vertex " + std::to_string(v), "give every vertex three finite coordinates"};
   std::size_t triangles = 0;
   for (Index i = 0; i < polygons.polygon_count(); ++i) {
     const std::span<const Index> polygon = polygons.polygon(i);
