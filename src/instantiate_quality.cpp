@@ -1,4 +1,4 @@
-// The one definition of the judges' large functions.
+// The one definition of quality's large functions.
 #include "quadrig/quality.hpp"
 
 #include "quadrig/quality/deformation.ipp"

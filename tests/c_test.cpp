@@ -334,4 +334,71 @@ TEST_CASE("c: a memory limit is kept by refusing, with the number", "[c][gltf][f
   quadrig_job_set_memory_limit(job.get(), 200'000'000);
   CHECK(quadrig_remesh(job.get(), asset.get(), &options, &quads) == quadrig_ok);
   quadrig_quads_destroy(quads);
+
+  const ScratchFolder folder("c-limit");
+  {
+    std::ofstream grid(folder / "grid.obj");
+    for (int i = 0; i < 100 * 100; ++i) grid << "v " << i % 100 << ' ' << i / 100 << " 0\n";
+    for (int i = 0; i + 101 < 100 * 100; ++i)
+      if (i % 100 != 99) grid << "f " << i + 1 << ' ' << i + 2 << ' ' << i + 102 << ' ' << i + 101 << '\n';
+  }
+  const auto loaded = [&](std::uint64_t limit) {
+    quadrig_job_set_memory_limit(job.get(), limit);
+    quadrig_asset* read = nullptr;
+    const quadrig_status result = quadrig_asset_load(job.get(), (folder / "grid.obj").c_str(), nullptr, nullptr, &read);
+    quadrig_asset_destroy(read);
+    return result;
+  };
+  CHECK(loaded(0) == quadrig_ok);
+  CHECK(loaded(100'000'000) == quadrig_ok);
+  CHECK(loaded(20'000'000) == quadrig_out_of_memory);  // 19602 triangles
+}
+
+TEST_CASE("c: what an option cannot do for an asset is told", "[c][gltf][fast]") {
+  const Handle<quadrig_job> job(quadrig_job_create());
+  const std::string file = tube_file();
+  const std::uint32_t edge[] = {0, 1};
+  quadrig_options options = options_for(200);
+  options.edges = edge;
+  options.edge_count = 1;
+  quadrig_bytes* bytes = nullptr;
+  CHECK(quadrig_remesh_gltf(job.get(), file.data(), file.size(), "tube.glb", &options, &bytes) == quadrig_bad_option);
+  CHECK(message_of(job).find("options.edges") != std::string::npos);
+
+  const double positions[] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1};
+  const std::uint32_t triangles[] = {0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3};
+  const std::uint32_t joints[] = {0, 0, 0, 0};
+  const float weights[] = {1, 1, 0.3F, 1};
+  quadrig_bone bone{};
+  bone.tail[0] = 1;
+  bone.parent = -1;
+  quadrig_mesh mesh;
+  quadrig_mesh_init(&mesh, sizeof mesh);
+  mesh.positions = positions;
+  mesh.vertex_count = 4;
+  mesh.triangles = triangles;
+  mesh.triangle_count = 4;
+  mesh.bones = &bone;
+  mesh.bone_count = 1;
+  mesh.joints = joints;
+  mesh.weights = weights;
+  mesh.influences = 1;
+  for (const int strict : {0, 1}) {
+    mesh.strict = strict;
+    quadrig_asset* asset = nullptr;
+    const quadrig_status status = quadrig_asset_create(job.get(), &mesh, &asset);
+    const Handle<quadrig_asset> made(asset);
+    CHECK(status == (strict ? quadrig_bad_input : quadrig_ok));
+    if (strict) {
+      CHECK(message_of(job).find("vertex 2: has weights that sum to 0.3") != std::string::npos);
+      continue;
+    }
+    options = options_for(50);
+    options.keep = quadrig_keep_materials;
+    quadrig_quads* quads = nullptr;
+    CHECK(quadrig_remesh(job.get(), asset, &options, &quads) == quadrig_ok);
+    quadrig_quads_destroy(quads);
+    REQUIRE(quadrig_job_warning_count(job.get()) > 0);
+    CHECK(std::string(quadrig_job_warning(job.get(), 0)).find("options.keep") == 0);
+  }
 }

@@ -63,15 +63,15 @@ void write_obj(const std::filesystem::path& path, const PolygonMesh& mesh) {
   }
 }
 
-// What a script of the judges prints for these arguments, or nothing where scripts or their Python are absent. They lie
-// in $QUADRIG_JUDGE or in ../shared/judge beside the source tree.
-std::optional<std::string> judge(const std::string& script, const std::string& arguments,
-                                 const test::ScratchFolder& scratch) {
-  const char* set = std::getenv("QUADRIG_JUDGE");
+// What a reference script prints for these arguments, or nothing where scripts or their Python are absent. They lie in
+// $QUADRIG_REFERENCE_SCRIPTS or in ../shared/judge beside the source tree.
+std::optional<std::string> reference(const std::string& script, const std::string& arguments,
+                                     const test::ScratchFolder& scratch) {
+  const char* set = std::getenv("QUADRIG_REFERENCE_SCRIPTS");
   const std::filesystem::path root =
       set && *set ? std::filesystem::path(set) : std::filesystem::path(QUADRIG_SOURCE_DIR) / ".." / "shared" / "judge";
   if (!std::filesystem::exists(root / script)) {
-    std::cout << "\nskipped: no " << script << "; set QUADRIG_JUDGE to the folder that has it\n";
+    std::cout << "\nskipped: no " << script << "; set QUADRIG_REFERENCE_SCRIPTS to the folder that has it\n";
     return std::nullopt;
   }
   for (const std::string python : {"python3", "/usr/bin/python3"}) {
@@ -146,7 +146,7 @@ TEST_CASE("statistics: quantiles are interpolated", "[quality][fast]") {
   CHECK(quantile(std::vector<double>{}, 0.5) == 0);
 }
 
-TEST_CASE("statistics: they agree with the judge on sound and broken polygons", "[quality][judge]") {
+TEST_CASE("statistics: they agree with the reference script on sound and broken polygons", "[quality][reference]") {
   const test::ScratchFolder scratch("statistics");
   const Torus torus;
   std::vector<PolygonMesh> meshes{to_polygons(torus.quads), to_polygons(torus.mesh)};
@@ -187,7 +187,7 @@ TEST_CASE("statistics: they agree with the judge on sound and broken polygons", 
     write_obj(path, meshes[k]);
     files += " '" + path.string() + "'";
   }
-  const auto output = judge("quadstats.py", "--json" + files, scratch);
+  const auto output = reference("quadstats.py", "--json" + files, scratch);
   if (!output) return;
   std::istringstream lines(*output);
   for (std::size_t k = 0; k < meshes.size(); ++k) {
@@ -397,7 +397,7 @@ TEST_CASE("deformation: the bits are the same at any number of threads and misfi
   CHECK(code(weights, poses, {.samples = 0}) == ErrorCode::bad_option);
 }
 
-TEST_CASE("deformation: the figures are those of the judge", "[quality][judge][slow]") {
+TEST_CASE("deformation: the figures are those of the reference script", "[quality][reference][slow]") {
   const test::ScratchFolder scratch("deformation");
   const Tube tube;
   const auto coarse = to_polygons(tube.quads);
@@ -414,7 +414,7 @@ TEST_CASE("deformation: the figures are those of the judge", "[quality][judge][s
   std::string files;
   for (const char* name : {"fine.obj", "rig.tgf", "weights.dmat", "coarse.obj"})
     files += " '" + (scratch / name).string() + "'";
-  const auto output = judge("deform.py", files, scratch);
+  const auto output = reference("deform.py", files, scratch);
   if (!output) return;
   // "name faces | rms p99 degrees | rms p99 degrees | rms p99 | rms rms | rms rms degrees | percent"
   std::string line = output->substr(output->find("coarse.obj"));

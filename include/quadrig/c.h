@@ -174,7 +174,7 @@ QUADRIG_C_API void quadrig_quads_destroy(quadrig_quads* quads);
 typedef struct quadrig_figures {
   size_t size; /* bytes of this struct, set by the caller */
   size_t quads, vertices, irregular;
-  size_t minimum_count; /* the fewest that this surface could be given where that is more than was asked; else 0 */
+  size_t minimum_count; /* the count where it is more than the tolerance above what was asked; else 0 */
   double scaled_jacobian_average, scaled_jacobian_minimum;
   double seconds;
 } quadrig_figures;

@@ -103,7 +103,8 @@ template <SparseScalar K, EnergyTerm<K> Term>
 ///     QuadraticForm<double> form(n);
 ///     form.fix(0, 0.0);
 ///     if (Status s = form.assemble(smoothness, data); !s) return s.error();
-///     solver.prepare(form.matrix(), form.pattern_version(), context); solver.solve(form.rhs(), x, context);
+///     if (Status s = solver.prepare(form.matrix(), form.pattern_version(), context); !s) return s.error();
+///     if (SolveInfo info = solver.solve(form.rhs(), x, context); !info.status) return info.status.error();
 ///     std::vector<double> z = form.expand(x);
 template <SparseScalar K>
 class QuadraticForm {

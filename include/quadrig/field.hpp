@@ -20,7 +20,8 @@ enum class FieldPreset : std::uint8_t {
 [[nodiscard]] Expected<FieldPreset> field_preset(std::string_view name);
 [[nodiscard]] std::string_view field_preset_name(FieldPreset preset);
 
-/// Everything not set takes the preset's value. The thesis preset reads `solver` and `limits` alone. Scalar is that of
+/// Everything not set takes the preset's value. The thesis preset reads `solver`, `own_solver` and `limits`
+/// alone. Scalar is that of
 /// the mesh: of own terms and solvers, nothing else.
 template <class Scalar>
 struct BasicFieldOptions {

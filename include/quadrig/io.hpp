@@ -22,7 +22,7 @@ struct FileLimits {
 
 // Readers. All fail with bad_file where the file cannot be read, and with bad_input naming the file and its line (or
 // byte, in binary files) where it is not what its format allows: bad numbers, indices out of range, values that are
-// not finite, fewer entries than announced, more than the limits.
+// not finite, fewer entries than announced, more than the limits (bad_file where it is of more bytes than they allow).
 
 /// Wavefront OBJ: v and f in all index forms, relative ones too, with what vt, usemtl and l tell of them; what is no
 /// surface (normals, groups, points) is passed over; curves and free-form surfaces are counted and told as a warning.

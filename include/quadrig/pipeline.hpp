@@ -20,7 +20,7 @@ struct DirectionOptions {
 struct RemeshOptions {
   Index quads = 2000;  ///< wanted; see RemeshReport::minimum_count for surfaces that need more
   FieldPreset preset = FieldPreset::standard;
-  DirectionOptions directions;
+  DirectionOptions directions;  ///< of no matter to the thesis preset
   /// Unset: the preset's (docs/bending.md).
   std::optional<SizingOptions> sizing;
   /// Poses the metric is built from, and their weights (empty: 1 each). No poses: every bone bent by ±`bend_degrees`
@@ -94,7 +94,7 @@ struct RemeshReport {
   bool valid = false;
   Index quads = 0, vertices = 0, irregular = 0;
   double scaled_jacobian_average = 0, scaled_jacobian_minimum = 0;
-  /// Smallest count that this surface could be given, where it is more than what was asked for; else 0.
+  /// `quads` where that is more than the tolerance above what was asked for, as fewer that fit were not found; else 0.
   Index minimum_count = 0;
   std::vector<ComponentReport> components;
   StageSeconds seconds;  ///< summed over components, which may run side by side; `total` is the wall clock

@@ -71,7 +71,7 @@ struct PrepareOptions {
   double weld_distance = 0;       ///< positions at most this far apart count as one; units of the mesh
   double flat_ratio = 1e-9;       ///< a face whose height is at most this share of its longest edge has no area
   double weight_tolerance = 0.1;  ///< largest |sum − 1|, and largest excess over [0, 1], that is mended by rescaling
-  bool orient_outward = true;     ///< closed parts are turned so that their volume is positive
+  bool orient_outward = true;     ///< closed parts are turned outward, cavities inward
 
   /// \fails bad_option, names the field.
   [[nodiscard]] Status validate() const;

@@ -18,6 +18,17 @@ struct QuadMesh {
   [[nodiscard]] Index quad_count() const { return static_cast<Index>(quads.rows()); }
 };
 
+/// Whether a quad is folded over: its normal is against those of the faces that its corners lie on.
+[[nodiscard]] inline bool turned_over(const TriangleMesh<double>& surface, const QuadMesh& mesh, Index quad) {
+  const auto corner = [&](int i) { return Vector3(mesh.positions.row(mesh.quads(quad, i)).transpose()); };
+  const Vector3 normal = (corner(2) - corner(0)).cross(corner(3) - corner(1));
+  const double against = -0.5 * normal.norm();
+  for (int i = 0; i < 4; ++i)
+    if (!(normal.dot(surface.normal(mesh.source[static_cast<std::size_t>(mesh.quads(quad, i))].face)) < against))
+      return false;
+  return true;
+}
+
 /// The corners of the quads by vertex. \cost O(n + m)
 class QuadCorners {
  public:

@@ -43,9 +43,9 @@ struct SizingOptions {
     const auto bad = [](std::string field, std::string remedy) {
       return Error{ErrorCode::bad_option, "out of range", "sizing." + std::move(field), std::move(remedy)};
     };
-    if (!(largest_aspect >= 1)) return bad("largest_aspect", "give 1 or more");
-    if (!(joint_weight >= 1)) return bad("joint_weight", "give 1 or more");
-    if (!(least_density > 0 && least_density <= 1)) return bad("least_density", "give a number in (0, 1]");
+    if (!(largest_aspect >= 1 && largest_aspect <= 100)) return bad("largest_aspect", "give 1 to 100");
+    if (!(joint_weight >= 1 && joint_weight <= 1e6)) return bad("joint_weight", "give 1 to 1e6");
+    if (!(least_density > 0 && least_density < 1)) return bad("least_density", "give a number in (0, 1)");
     if (!(largest_density >= 1)) return bad("largest_density", "give 1 or more");
     if (!(gradation > 0)) return bad("gradation", "give a number above 0");
     return {};

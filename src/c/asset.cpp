@@ -69,6 +69,8 @@ Expected<VertexWeights> read_weights(const quadrig_mesh& mesh) {
       sum += weight;
     }
     if (!(sum > 0)) return bad(where, "has no weights");
+    if (mesh.strict != 0 && std::abs(sum - 1) > 1e-3)
+      return bad(where, "has weights that sum to " + std::to_string(sum) + ", not to 1");
     for (std::size_t k = v * mesh.influences; k < (v + 1) * mesh.influences; ++k)
       if (mesh.weights[k] > 0)
         entries.emplace_back(static_cast<Index>(v), static_cast<Index>(mesh.joints[k]), mesh.weights[k] / sum);
@@ -139,6 +141,14 @@ quadrig_status quadrig_asset_load(quadrig_job* job, const char* mesh, const char
     if (rig) files.rig = rig, files.weights = weights;
     LoadOptions options;
     if (job->memory_limit > 0) options.limits.bytes = std::min(options.limits.bytes, c::file_bytes(job));
+    if (job->memory_limit > 0) {
+      const Expected<PolygonMesh> surface = read_surface(files.mesh, options.limits, context);
+      if (!surface) return surface.error();
+      const double triangles = static_cast<double>(surface->corners.size()) - 2.0 * surface->polygon_count();
+      const double bytes = c::prepare_bytes(triangles, rig ? 4 : 0);
+      if (const quadrig_status fits = c::within_limit(job, bytes, "give fewer triangles, or raise the limit"))
+        return fits;
+    }
     Expected<LoadedAsset> loaded = load_asset(files, options, context);
     if (!loaded) return loaded.error();
     *asset = new quadrig_asset{

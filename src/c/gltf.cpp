@@ -1,5 +1,6 @@
 // glTF in memory and in files.
 #include "quadrig/gltf.hpp"
+#include "gltf/gather.hpp"
 #include "memory.hpp"
 
 using namespace quadrig;
@@ -33,18 +34,22 @@ Expected<quadrig_status> remesh_document(quadrig_job* job, GltfDocument& documen
   own.keep_materials = (options->keep & quadrig_keep_materials) != 0;
   own.keep_textures = (options->keep & quadrig_keep_textures) != 0;
   own.selection.unskinned = options->unskinned != 0;
+  if (options->edge_count > 0)
+    return Error{ErrorCode::bad_option, "are for assets made from arrays", "options.edges", "leave them out"};
   for (std::uint32_t i = 0; i < options->select_count; ++i) {
     if (!options->select || !options->select[i]) return c::null_argument("options.select");
     own.selection.names.emplace_back(options->select[i]);
   }
   if (job->memory_limit > 0) {
     Context quiet = context.quiet(context.threads);
-    const Expected<std::vector<GltfSurface>> surfaces =
-        gltf_surfaces(document, own.prepare, {.enabled = false}, quiet, own.selection);
+    const Expected<std::vector<gltf::Gathered>> surfaces =
+        gltf::gather(document.state(), own.prepare, {.enabled = false}, own.selection, quiet);
+    if (!surfaces) return surfaces.error();
     double triangles = 0, bones = 0;
-    for (const GltfSurface& one : surfaces ? *surfaces : std::vector<GltfSurface>()) {
-      triangles += one.asset.mesh.face_count();
-      if (one.asset.rig) bones = std::max<double>(bones, one.asset.rig->skeleton.bone_count());
+    for (const gltf::Gathered& one : *surfaces) {
+      if (one.failure) continue;
+      triangles += one.surface.asset.mesh.face_count();
+      bones = std::max<double>(bones, one.joints());
     }
     const double bytes = c::remesh_bytes(triangles, bones, own.remesh.quads);
     if (const quadrig_status fits = c::within_limit(job, bytes, "ask for fewer quads, or raise the limit")) return fits;

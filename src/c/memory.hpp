@@ -10,7 +10,8 @@ namespace quadrig::c {
 [[nodiscard]] inline double remesh_bytes(double triangles, double bones, double quads) {
   // The map is made on the triangles themselves or, of far more than it needs, on a stand-in (pipeline/component.ipp).
   const double mapped = std::min(triangles, std::max(20e3, 2 * std::max(4e3, 20 * quads)));
-  return 32e6 + triangles * (1.2e3 + 13 * bones) + 3.5e3 * mapped + 8.5e3 * quads;
+  const double poses = 512 * bones * bones;  // every bone bent four ways, a transform of each bone in each
+  return 32e6 + poses + triangles * (1.2e3 + 13 * bones) + 3.5e3 * mapped + 8.5e3 * quads;
 }
 
 /// Bytes that an asset takes while it is welded and mended, from above.

@@ -75,6 +75,8 @@ quadrig_status quadrig_remesh(quadrig_job* job, const quadrig_asset* asset, cons
     Expected<std::vector<Index>> features = edges_to_keep(*asset, *own, context);
     if (!features) return features.error();
     wanted->features = std::move(*features);
+    if (own->keep & (quadrig_keep_materials | quadrig_keep_textures))
+      context.warn("options.keep", "an asset has neither materials nor textures: their borders are kept of glTF files");
     const double bones = asset->asset->rig ? asset->asset->rig->skeleton.bone_count() : 0;
     const double bytes = c::remesh_bytes(asset->asset->mesh.face_count(), bones, wanted->quads);
     if (const quadrig_status fits = c::within_limit(job, bytes, "ask for fewer quads, or raise the limit")) return fits;

@@ -240,7 +240,7 @@ void add_remesh(CLI::App& app, Run& run) {
       ->check(CLI::IsMember({"default", "thesis", "static"}))
       ->option_text("default|thesis|static = default");
   verb->add_option("--creases", options->crease_degrees, "Edges that bend more than this stay edges, degrees")
-      ->check(CLI::Range(0.0, 180.0))
+      ->check(CLI::Range(0.01, 180.0))
       ->type_name("ANGLE");
   verb->add_option("--keep", options->keep,
                    "Borders that become edges of quads: of materials, of texture islands, of the vertex groups of the "
@@ -256,7 +256,7 @@ void add_remesh(CLI::App& app, Run& run) {
       ->capture_default_str()
       ->type_name("N");
 
-  const std::string group = "Directions and sizes (where not given, the preset's)";
+  const std::string group = "Directions and sizes (where not given, the preset's; thesis takes its own directions)";
   const auto pull = [&](const std::string& name, std::optional<double>& place, const std::string& text) {
     verb->add_option_function<double>(
             name, [&place](const double& value) { place = value; }, text)

@@ -33,9 +33,9 @@ Status BasicFieldOptions<Scalar>::validate(Index faces) const {
   };
   const auto not_negative = [](double x) { return x >= 0 && std::isfinite(x); };
   if (smoothing_length && !(*smoothing_length > 0 && *smoothing_length <= 1))
-    return fail("a fraction in (0, 1] is needed", "smoothing_length", "0.02 is usual");
+    return fail("a fraction in (0, 1] is needed", "smoothing_length", "0.01 is usual");
   if (!not_negative(quad_edge)) return fail("a length is not negative", "quad_edge", "0 for no quad");
-  if (!not_negative(merge_quads)) return fail("a factor is not negative", "merge_quads", "1 is usual");
+  if (!not_negative(merge_quads)) return fail("a factor is not negative", "merge_quads", "0.5 is usual");
   if (bone_weight && !not_negative(*bone_weight)) return fail("a weight is not negative", "bone_weight", "0 for none");
   if (curvature_weight && !not_negative(*curvature_weight))
     return fail("a weight is not negative", "curvature_weight", "0 for none");
@@ -43,7 +43,7 @@ Status BasicFieldOptions<Scalar>::validate(Index faces) const {
   if (!(merge_length > 0 && merge_length <= 1))
     return fail("a fraction in (0, 1] is needed", "merge_length", "0.03 is usual");
   if (!(curvature_length > 0 && curvature_length <= 1))
-    return fail("a fraction in (0, 1] is needed", "curvature_length", "0.01 is usual");
+    return fail("a fraction in (0, 1] is needed", "curvature_length", "0.015 is usual");
   if (crease_angle_radians && !(*crease_angle_radians > 0))
     return fail("an angle is positive", "crease_angle_radians", "π for no creases");
   if (!not_negative(crease_length)) return fail("a length is not negative", "crease_length", "0.5 is usual");

@@ -63,6 +63,12 @@ class FieldSurgery {
         continue;
       }
       if (index(v) > 1 && extreme <= most) split += scatter(v, spread, energy);
+      if (index(v) > 2) {  // side by side they would be as much of a tip as before
+        std::vector<Index> spokes = spokes_around(v, index(v));
+        if (static_cast<Index>(spokes.size()) < index(v)) spokes.resize(std::min(spokes.size(), at(index(v) - 1)));
+        for (const Index h : spokes) move_unit(h);
+        split += static_cast<Index>(spokes.size());
+      }
       for (int guard = 0; guard < 8 && index(v) > 1; ++guard, ++split) {
         const Index h = best_step(v, [&](Index w) { return index(w); });
         if (h == no_index) break;
@@ -436,6 +442,36 @@ class FieldSurgery {
       h = mesh_.next_around(h);
     } while (h != no_index && h != start);
     return best;
+  }
+
+  /// Half-edges from an inner vertex to so many inner neighbours, or as many as there are, those of the least index, as
+  /// even around it as its fan allows.
+  [[nodiscard]] std::vector<Index> spokes_around(Index v, Index count) const {
+    struct Spoke {
+      Index halfedge;
+      double angle;
+    };
+    std::vector<Spoke> fan;
+    double whole = 0;
+    Index h = mesh_.outgoing(v);
+    const Index start = h;
+    do {
+      if (interior(mesh_.target(h))) fan.push_back({h, whole});
+      whole += mesh_.corner_angle(h);
+      h = mesh_.next_around(h);
+    } while (h != no_index && h != start);
+    std::vector<Index> chosen;
+    for (Index k = 0; k < count && !fan.empty(); ++k) {
+      const double wanted = whole * k / count;
+      const auto rank = [&](const Spoke& spoke) {
+        const double off = std::abs(spoke.angle - wanted);
+        return std::pair{index(mesh_.target(spoke.halfedge)), std::min(off, whole - off)};
+      };
+      const auto best = std::ranges::min_element(fan, {}, rank);
+      chosen.push_back(best->halfedge);
+      fan.erase(best);
+    }
+    return chosen;
   }
 
   /// Shortest edge paths from seeds over inner vertices; visit(vertex, distance) returns true to stop.

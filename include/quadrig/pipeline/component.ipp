@@ -105,7 +105,7 @@ class ComponentRemesher {
         flat_ = 0;
         first = true;
       }
-      const bool spent = flat_ > 3 || left_.integers <= 0;
+      const bool spent = flat_ > most_flat || left_.integers <= 0;
       if (spent && attempt.keeps) continue;
       if (spent || (best_ && ++poor > 1)) break;
       if (attempt.longest_edge > 0 && (dear_ || attempt.longest_edge <= endless_)) continue;
@@ -119,6 +119,8 @@ class ComponentRemesher {
   }
 
  private:
+  static constexpr int most_flat = 3;  // attempts that end where there is nothing to mend
+
   struct Attempt {
     double smoothing;     // singularities closer than this many quads merge
     double longest_edge;  // of the triangles, in quad edges; 0: on a stand-in for the surface
@@ -336,7 +338,12 @@ class ComponentRemesher {
       if (mapped.error().code == ErrorCode::cancelled) return mapped.error();
       leave(attempt, mapped.error().what);
       if (best_) return false;
-      if (let_go(mesh, trouble, piece.kept)) continue;
+      // What is wrong all over is no matter of single edges.
+      if (attempt.keeps && trouble.size() > std::max<std::size_t>(300, at(mesh.face_count()) / 50)) {
+        flat_ = most_flat + 1;
+        return false;
+      }
+      if (left_.mapping > 0 && let_go(mesh, trouble, piece.kept)) continue;
       flat_ += trouble.empty();
       // Where many triangles are in trouble and fewer pairs do not help, no single pair will.
       const bool hopeless = trouble.size() > 300 || (trouble.size() > 30 && trouble.size() >= troubled);

@@ -111,13 +111,13 @@ class Remesher {
     if (Status status = finish(); !status.ok()) return status.error();
     RemeshReport& report = result_.report;
     tell();
-    const QuadTopology topology = quad_topology(result_.mesh.quads, report.vertices);
-    report.valid = topology.defect.empty() && report.scaled_jacobian_minimum > 0;
+    const std::string defect = unlike(quad_topology(result_.mesh.quads, report.vertices), SurfaceTopology(mesh_));
+    report.valid = defect.empty() && report.scaled_jacobian_minimum > 0;
     for (const Warning& warning : report.warnings) context_.warnings.push_back(warning);
     report.seconds.total = total.seconds();
     if (!report.valid)
-      return Error{ErrorCode::stage_failed, topology.defect.empty() ? "a quad stays inverted" : topology.defect,
-                   "check of the result", "ask for another count or the static preset"};
+      return Error{ErrorCode::stage_failed, defect.empty() ? "a quad stays inverted" : defect, "check of the result",
+                   "ask for another count or the static preset"};
     context_.progress("done", 1);
     return std::move(result_);
   }
@@ -353,6 +353,15 @@ class Remesher {
     }
     report.scaled_jacobian_average = report.quads > 0 ? sum / report.quads : 0;
     if (report.quads > options_.quads * (1 + options_.count_tolerance)) report.minimum_count = report.quads;
+    if (report.quads < options_.quads * (1 - options_.count_tolerance))
+      report.warnings.push_back({"remesh", std::to_string(report.quads) + " quads where " +
+                                               std::to_string(options_.quads) +
+                                               " were asked for: more that fit this surface were not found"});
+    Index turned = 0;
+    for (Index q = 0; q < report.quads; ++q) turned += turned_over(mesh_, result_.mesh, q);
+    if (turned > 0)
+      report.warnings.push_back({"remesh", std::to_string(turned) + (turned == 1 ? " quad is" : " quads are") +
+                                               " folded over on the surface; another count may help"});
     for (std::size_t c = 0; c < report.components.size(); ++c) {
       const ComponentReport& part = report.components[c];
       if (part.rung == Rung::split)

@@ -61,7 +61,7 @@ class Polisher {
   void relax_around(int rings) {
     std::vector<char> patch(at(quads_.vertex_count()), 0);
     for (Index q = 0; q < quads_.quad_count(); ++q)
-      if (scaled_jacobian(quads_.positions, quads_.quads.row(q)) <= options_.freed)
+      if (quality(q) <= options_.freed)
         for (int i = 0; i < 4; ++i) patch[at(quads_.quads(q, i))] = 1;
     for (int ring = 1; ring < rings; ++ring) {
       std::vector<char> grown = patch;
@@ -265,10 +265,16 @@ class Polisher {
     return (kept.position - here.position).norm() / edge;
   }
 
+  /// Scaled Jacobian of a quad; little where it is turned over, however even it is.
+  [[nodiscard]] double quality(Index q) const {
+    constexpr double turned = 0.06;
+    const double j = scaled_jacobian(quads_.positions, quads_.quads.row(q));
+    return j > turned && turned_over(mesh_, quads_, q) ? turned : j;
+  }
   [[nodiscard]] std::pair<double, double> statistics() const {
     double worst = 1, sum = 0;
     for (Index q = 0; q < quads_.quad_count(); ++q) {
-      const double j = scaled_jacobian(quads_.positions, quads_.quads.row(q));
+      const double j = quality(q);
       worst = std::min(worst, j);
       sum += j;
     }

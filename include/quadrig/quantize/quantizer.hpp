@@ -104,7 +104,8 @@ class Quantizer : public IntegerEdges {
       missing_ = target - quads();
       return std::abs(missing_) > tolerance * target;
     };
-    for (int scan = 0; scan < 24 && work_ < enough && missed(); ++scan) {
+    for (int before = -1; before != moves && work_ < enough && missed();) {
+      before = moves;
       offers_.clear();
       for (Index h = 0; h < map_.halfedge_count(); ++h) {
         if (stop(context)) return moves;

@@ -82,12 +82,16 @@ inline Expected<Eigen::MatrixXd> body_distances(const TriangleMesh<double>& mesh
   std::vector<std::vector<std::pair<std::size_t, double>>> seeds(bones);
   for (std::size_t b = 0; b < bones; ++b) {
     const Bone& bone = skeleton.bones[b];
-    const auto steps = static_cast<Index>(std::ceil(2 * (bone.tail - bone.head).norm() / body.side()));
+    const Vector3 way = bone.tail - bone.head;
+    // Of one that lies wholly outside the cells nearest to its ends.
+    const auto inside = body.part_inside(bone.head, bone.tail);
+    const auto [first, last] = inside.value_or(std::pair{0.0, 1.0});
+    const Index steps = inside ? static_cast<Index>(std::ceil(2 * (last - first) * way.norm() / body.side())) : 1;
     bool within = false;
     for (Index s = 0; s <= steps; ++s) {
-      const Vector3 p = bone.head + (steps > 0 ? s / static_cast<double>(steps) : 0.0) * (bone.tail - bone.head);
+      const Vector3 p = bone.head + (first + (steps > 0 ? s / static_cast<double>(steps) : 0.0) * (last - first)) * way;
       const std::size_t cell = body.cell_of(p);
-      within = within || body.is_body(cell);
+      within = within || (inside && body.is_body(cell));
       if (seeds[b].empty() || seeds[b].back().first != cell)
         seeds[b].emplace_back(cell, bone_distance(bone, body.centre(cell)));
     }

@@ -1,6 +1,7 @@
 // The inside of a surface as cells of a grid, and how far each is from a bone through the body.
 #pragma once
 
+#include <optional>
 #include <queue>
 
 #include "quadrig/rig.hpp"
@@ -15,7 +16,11 @@ class VoxelBody {
   VoxelBody(const TriangleMesh<double>& mesh, const Skeleton& skeleton, Index resolution) {
     Eigen::AlignedBox3d box;
     for (Index v = 0; v < mesh.vertex_count(); ++v) box.extend(mesh.position(v));
-    for (const Bone& bone : skeleton.bones) box.extend(bone.head).extend(bone.tail);
+    // A bone far away is not to make the cells as large as the body is.
+    const Vector3 margin = Vector3::Constant(0.25 * box.diagonal().norm()), most = box.max() + margin,
+                  least = box.min() - margin;
+    for (const Bone& bone : skeleton.bones)
+      for (const Vector3& end : {bone.head, bone.tail}) box.extend(Vector3(end.cwiseMax(least).cwiseMin(most)));
     side_ = box.sizes().maxCoeff() / resolution;
     low_ = box.min() - Vector3::Constant(1.5 * side_);  // a layer of air all around
     for (int k = 0; k < 3; ++k) size_[at(k)] = static_cast<Index>(std::ceil(box.sizes()[k] / side_)) + 4;
@@ -36,6 +41,21 @@ class VoxelBody {
     for (int k = 0; k < 3; ++k)
       c[at(k)] = std::clamp(static_cast<Index>((p[k] - low_[k]) / side_), Index{0}, size_[at(k)] - 1);
     return number(c);
+  }
+  /// The part of a segment, from 0 at its head to 1, that lies in the grid; nothing where none does.
+  [[nodiscard]] std::optional<std::pair<double, double>> part_inside(const Vector3& head, const Vector3& tail) const {
+    double first = 0, last = 1;
+    for (int k = 0; k < 3; ++k) {
+      const double low = low_[k] - head[k], high = low + side_ * size_[at(k)], way = tail[k] - head[k];
+      if (way == 0) {
+        if (low > 0 || high < 0) return std::nullopt;
+        continue;
+      }
+      first = std::max(first, std::min(low / way, high / way));
+      last = std::min(last, std::max(low / way, high / way));
+    }
+    if (first > last) return std::nullopt;
+    return std::pair{first, last};
   }
   [[nodiscard]] Vector3 centre(std::size_t cell) const {
     const std::array<Index, 3> c = place(cell);
