@@ -48,42 +48,32 @@ class Alignment {
     return along_u >= along_v ? Aligned::v_constant : Aligned::u_constant;
   }
 
-  /// Where the field does not turn from one aligned edge to the next around the vertex, no quad would be between them,
-  /// and where the surface turns far more or less than the field, one with a corner that is none: that edge is let go
-  /// which the field follows worse. Returns whether there was such a place.
+  /// Where the field does not turn from one aligned edge to the next around the vertex, no quad would be between them:
+  /// that one is let go which it follows worse. Returns whether there was such a place.
   bool open_sector(Index v, const Matching& matching) {
     Index h = mesh_.outgoing(v);
     if (h == no_index) return false;
     const Index start = h;
     struct Spoke {
       Index halfedge;
-      double field, surface;  ///< angles turned so far
+      double angle;
     };
     std::vector<Spoke> spokes;
-    double field = 0, surface = 0;
+    double turned = 0;
     do {
-      if (aligned[at(h)] != Aligned::none) spokes.push_back({h, field, surface});
-      field += mesh_.corner_angle(h) + matching.rho[at(mesh_.prev(h))];
-      surface += mesh_.corner_angle(h);
+      if (aligned[at(h)] != Aligned::none) spokes.push_back({h, turned});
+      turned += mesh_.corner_angle(h) + matching.rho[at(mesh_.prev(h))];
       const Index in = mesh_.prev(h);
       h = mesh_.next_around(h);
-      if (h == no_index) spokes.push_back({in, field, surface});  // the other end of the border
+      if (h == no_index) spokes.push_back({in, turned});  // the other end of the border
     } while (h != no_index && h != start);
     if (spokes.size() < 2) return false;
-    if (h == start)
-      spokes.push_back({spokes.front().halfedge, spokes.front().field + field, spokes.front().surface + surface});
+    if (h == start) spokes.push_back({spokes.front().halfedge, spokes.front().angle + turned});
     for (std::size_t k = 0; k + 1 < spokes.size(); ++k) {
-      constexpr double quarter = 1.57079632679489661923, least_corner = 0.35, largest_corner = 2.8;  // of a quad
-      const double turned = spokes[k + 1].field - spokes[k].field;
-      const double corner = (spokes[k + 1].surface - spokes[k].surface) / std::max(1.0, std::round(turned / quarter));
-      const bool none = turned <= quarter / 2;
-      if (!none && corner > least_corner && corner < largest_corner) continue;
+      if (spokes[k + 1].angle - spokes[k].angle > 0.78539816339744831) continue;
       const Index a = spokes[k].halfedge, b = spokes[k + 1].halfedge;
       const auto inside = [&](Index e) { return mesh_.twin(e) != no_index; };
-      if (!inside(a) && !inside(b)) {
-        if (none) return false;
-        continue;  // corners of the border are what they are
-      }
+      if (!inside(a) && !inside(b)) return false;
       const Index less = !inside(b) || (inside(a) && deviation_[at(a)] >= deviation_[at(b)]) ? a : b;
       aligned[at(less)] = aligned[at(mesh_.twin(less))] = Aligned::none;
       return true;
