@@ -112,6 +112,19 @@ TEST_CASE("polish: an inverted quad is freed", "[polish]") {
   CHECK(polish(r.mesh, PolishOptions{}, r.quads, context).least_after > 0.5);
 }
 
+TEST_CASE("polish: a quad that is folded over is poor, however even it is", "[polish]") {
+  Rough r = rough(false, 0, 1);
+  CHECK_FALSE(turned_over(r.mesh, r.quads, 5));
+  // The same corners the other way round.
+  std::swap(r.quads.quads(5, 1), r.quads.quads(5, 3));
+  CHECK(turned_over(r.mesh, r.quads, 5));
+  CHECK(scaled_jacobian(r.quads.positions, r.quads.quads.row(5)) > 0.5);
+  Context context;
+  PolishOptions options;
+  options.rounds = 0;
+  CHECK(polish(r.mesh, options, r.quads, context).least_after < 0.1);
+}
+
 TEST_CASE("polish: no rounds move nothing, and a cancelled call stops", "[polish]") {
   Rough r = rough(false, 0.8, 2);
   const Points<double> before = r.quads.positions;

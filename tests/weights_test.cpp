@@ -133,6 +133,30 @@ TEST_CASE("weights: bones outside the body are bound all the same, and told", "[
   }
 }
 
+TEST_CASE("weights: a bone far away changes no other's weights by much", "[weights]") {
+  const Grid grid{16, 30, true, false};
+  const auto mesh = test::build(test::tube_positions(grid, 4, 0.5), grid.triangles());
+  const Skeleton near = chain({Vector3(0, 0, 0), Vector3(2, 0, 0), Vector3(4, 0, 0)});
+  for (const BindMethod method : {BindMethod::geodesic_voxel, BindMethod::bounded_biharmonic}) {
+    INFO(bind_method_name(method));
+    const BindOptions options{.method = method, .resolution = 48};
+    const BoundWeights before = bound(mesh, near, options);
+    for (const double far : {20.0, 1e4, 1e9}) {
+      Skeleton skeleton = near;
+      skeleton.bones.push_back({Vector3(far, 0, 0), Vector3(2 * far, far, 0), no_index});
+      const BoundWeights made = bound(mesh, skeleton, options);
+      CHECK(made.bones_outside == 1);
+      const Eigen::MatrixXd old(before.weights), now(made.weights);
+      CHECK((now.leftCols(2) - old).cwiseAbs().maxCoeff() < 0.1);
+      CHECK(now.col(2).maxCoeff() < 0.05);
+    }
+    // One that comes from far through the body is followed where it is within.
+    Skeleton through = near;
+    through.bones.push_back({Vector3(2, -1e4, 0), Vector3(2, 1e4, 0), no_index});
+    CHECK(bound(mesh, through, options).bones_outside == 0);
+  }
+}
+
 TEST_CASE("weights: the same bits at any number of threads, and in any unit of a power of two", "[weights]") {
   Context context;
   const Asset asset = make_sample("humanoid", 1500, context).value();
