@@ -37,6 +37,11 @@ TEST_CASE("command: several counts make one file each, all or none", "[cli][gltf
   CHECK(run_quadrig(folder, "remesh q_LOD0.obj --quads 300 --select a -o new.obj").exit_code == 2);
   CHECK(run_quadrig(folder, "remesh in.glb --quads 300 --select nobody -o new.glb").exit_code == 2);
   CHECK(names_in(folder.path()) == before);
+  // The levels have names of their own, so that of the input is free, as in the help's example.
+  const std::string input = read_text(folder / "in.glb");
+  CHECK(run_quadrig(folder, "remesh in.glb --quads 300,150 -o in.glb").exit_code == 0);
+  CHECK(read_text(folder / "in.glb") == input);
+  CHECK(std::filesystem::exists(folder / "in_LOD1.glb"));
   const CommandResult one = run_quadrig(folder, "remesh in.glb --quads 150 --select tube --source-map -o one.glb");
   CHECK(one.exit_code == 0);
   CHECK(has(read_text(folder / "one.glb"), "\"_SOURCE\""));

@@ -131,6 +131,12 @@ TEST_CASE("command: no output is written over an input or another output, by wha
   CHECK(has(told.output, "\"verb\": \"remesh\""));
   CHECK(has(told.output, "quadrig: component 0 of "));
   CHECK(read_text(folder / "new.obj").size() > 1000);
+  // A name may be any bytes.
+  std::filesystem::copy_file(folder / "pear.obj", folder / "a\xff.obj");
+  const CommandResult odd = run_quadrig(folder, "remesh 'a\xff.obj' --quads 300 -o odd.obj --report odd.json");
+  INFO(odd.error);
+  CHECK(odd.exit_code == 0);
+  CHECK(has(read_text(folder / "odd.json"), "\"mesh\": \"a\xEF\xBF\xBD.obj\""));
 }
 
 TEST_CASE("command: strict refuses what is mended otherwise", "[cli][fast]") {
