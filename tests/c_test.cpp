@@ -30,6 +30,19 @@ quadrig_options options_for(std::uint32_t quads) {
   return options;
 }
 
+/// A tetrahedron without a rig, its corners as doubles.
+quadrig_mesh tetrahedron() {
+  static constexpr double positions[] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1};
+  static constexpr std::uint32_t triangles[] = {0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3};
+  quadrig_mesh mesh;
+  quadrig_mesh_init(&mesh, sizeof mesh);
+  mesh.positions = positions;
+  mesh.vertex_count = 4;
+  mesh.triangles = triangles;
+  mesh.triangle_count = 4;
+  return mesh;
+}
+
 std::string message_of(const Handle<quadrig_job>& job) { return quadrig_job_message(job.get()); }
 
 }  // namespace
@@ -310,14 +323,7 @@ TEST_CASE("c: a memory limit is kept by refusing, with the number", "[c][gltf][f
   CHECK(remeshed(20'000'000, 200) == quadrig_out_of_memory);
   CHECK(remeshed(4 * file.size() - 8, 200) == quadrig_out_of_memory);  // the file alone is too large
 
-  const double positions[] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1};
-  const std::uint32_t triangles[] = {0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3};
-  quadrig_mesh mesh;
-  quadrig_mesh_init(&mesh, sizeof mesh);
-  mesh.positions = positions;
-  mesh.vertex_count = 4;
-  mesh.triangles = triangles;
-  mesh.triangle_count = 4;
+  const quadrig_mesh mesh = tetrahedron();
   const auto created = [&](std::uint64_t limit) {
     quadrig_job_set_memory_limit(job.get(), limit);
     quadrig_asset* asset = nullptr;
@@ -365,19 +371,12 @@ TEST_CASE("c: what an option cannot do for an asset is told", "[c][gltf][fast]")
   CHECK(quadrig_remesh_gltf(job.get(), file.data(), file.size(), "tube.glb", &options, &bytes) == quadrig_bad_option);
   CHECK(message_of(job).find("options.edges") != std::string::npos);
 
-  const double positions[] = {0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1};
-  const std::uint32_t triangles[] = {0, 2, 1, 0, 1, 3, 1, 2, 3, 2, 0, 3};
   const std::uint32_t joints[] = {0, 0, 0, 0};
   const float weights[] = {1, 1, 0.3F, 1};
   quadrig_bone bone{};
   bone.tail[0] = 1;
   bone.parent = -1;
-  quadrig_mesh mesh;
-  quadrig_mesh_init(&mesh, sizeof mesh);
-  mesh.positions = positions;
-  mesh.vertex_count = 4;
-  mesh.triangles = triangles;
-  mesh.triangle_count = 4;
+  quadrig_mesh mesh = tetrahedron();
   mesh.bones = &bone;
   mesh.bone_count = 1;
   mesh.joints = joints;

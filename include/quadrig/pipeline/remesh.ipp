@@ -345,11 +345,13 @@ class Remesher {
   void tell() {
     RemeshReport& report = result_.report;
     double sum = 0;
+    Index turned = 0;
     report.scaled_jacobian_minimum = 1;
     for (Index q = 0; q < report.quads; ++q) {
       const double j = scaled_jacobian(result_.mesh.positions, result_.mesh.quads.row(q));
       sum += j;
       report.scaled_jacobian_minimum = std::min(report.scaled_jacobian_minimum, j);
+      turned += turned_over(mesh_, result_.mesh, q);
     }
     report.scaled_jacobian_average = report.quads > 0 ? sum / report.quads : 0;
     if (report.quads > options_.quads * (1 + options_.count_tolerance)) report.minimum_count = report.quads;
@@ -357,8 +359,6 @@ class Remesher {
       report.warnings.push_back({"remesh", std::to_string(report.quads) + " quads where " +
                                                std::to_string(options_.quads) +
                                                " were asked for: more that fit this surface were not found"});
-    Index turned = 0;
-    for (Index q = 0; q < report.quads; ++q) turned += turned_over(mesh_, result_.mesh, q);
     if (turned > 0)
       report.warnings.push_back({"remesh", std::to_string(turned) + (turned == 1 ? " quad is" : " quads are") +
                                                " folded over on the surface; another count may help"});
