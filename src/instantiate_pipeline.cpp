@@ -1,6 +1,5 @@
 // The one definition of the pipeline's large functions.
 #include "quadrig/pipeline.hpp"
 
-#include "quadrig/fit/fit.ipp"
 #include "quadrig/pipeline/component.ipp"
 #include "quadrig/pipeline/remesh.ipp"

@@ -1,7 +1,6 @@
 #include "quadrig/fit.hpp"
 
-#include "quadrig/pipeline.hpp"
-#include "quadrig/skinning.hpp"
+#include "quadrig/closest.hpp"
 #include "surfaces.hpp"
 #include "test.hpp"
 
@@ -12,282 +11,289 @@ namespace {
 
 using quadrig::detail::at;
 
-/// A sheet over [0, 3] × [0, 2] and quads on every few of its vertices.
-struct Sheet {
+/// A tube along x, open at both ends, and quads on every few of its vertices.
+struct Tube {
+  static constexpr Index around = 48, along = 72, every = 6;
   TriangleMesh<double> mesh;
   QuadMesh quads;
-};
-template <class Height>
-Sheet sheet(Index columns, Index rows, Index every, Height&& height) {
-  const Grid fine{columns * every, rows * every}, coarse{columns, rows};
-  const auto place = [&](double i, double j) {
-    const double x = 3 * i / static_cast<double>(fine.columns), y = 2 * j / static_cast<double>(fine.rows);
-    return Vector3(x, y, height(x, y));
-  };
-  Sheet out{
-      build(fine.positions([&](Index i, Index j) { return place(static_cast<double>(i), static_cast<double>(j)); }),
-            fine.triangles()),
-      {}};
-  out.quads.quads = coarse.quads();
-  out.quads.positions.resize(coarse.vertex_count(), 3);
-  for (Index j = 0; j <= rows; ++j)
-    for (Index i = 0; i <= columns; ++i) {
-      const Index h = out.mesh.outgoing(fine.vertex(i * every, j * every));
-      SurfacePoint s{h / 3, Vector3::Zero()};
-      s.barycentric[h % 3] = 1;
-      out.quads.source.push_back(s);
-      out.quads.positions.row(coarse.vertex(i, j)) = position(out.mesh, s).transpose();
-    }
-  return out;
-}
-double wave(double x, double y) { return 0.3 * std::tanh(6 * (x - 1.4 + 0.2 * y)); }
-double roof(double x, double) { return -0.6 * std::abs(x - 1.55); }
 
-/// Root mean square distance from the quads, by 7 × 7 points each, to the surface.
-double straying(const Sheet& s) {
-  const ClosestPoint closest(s.mesh);
-  double sum = 0, area = 0;
-  for (Index q = 0; q < s.quads.quad_count(); ++q) {
-    const auto p = [&](int i) { return Vector3(s.quads.positions.row(s.quads.quads(q, i)).transpose()); };
-    const double share = (p(2) - p(0)).cross(p(3) - p(1)).norm() / 2 / 49;
-    for (int k = 0; k < 49; ++k) {
-      const double u = (k % 7 + 0.5) / 7, v = (k / 7 + 0.5) / 7;
-      const Vector3 at_uv = (1 - v) * ((1 - u) * p(0) + u * p(1)) + v * ((1 - u) * p(3) + u * p(2));
-      sum += share * closest.closest(at_uv).squared_distance;
-      area += share;
+  explicit Tube(double length = 6) {
+    Points<double> positions((along + 1) * around, 3);
+    for (Index i = 0; i <= along; ++i)
+      for (Index j = 0; j < around; ++j) {
+        const double angle = 2 * std::numbers::pi * j / around;
+        positions.row(i * around + j) << length * i / along, std::cos(angle), std::sin(angle);
+      }
+    Triangles faces(2 * along * around, 3);
+    for (Index i = 0; i < along; ++i)
+      for (Index j = 0; j < around; ++j) {
+        const Index a = i * around + j, b = i * around + (j + 1) % around, c = b + around, d = a + around;
+        faces.row(2 * a) << a, b, c;
+        faces.row(2 * a + 1) << a, c, d;
+      }
+    mesh = build(positions, faces);
+    constexpr Index rings = along / every + 1, sides = around / every;
+    quads.positions.resize(rings * sides, 3);
+    quads.quads.resize((rings - 1) * sides, 4);
+    for (Index i = 0; i < rings; ++i)
+      for (Index j = 0; j < sides; ++j) {
+        const Index h = mesh.outgoing(i * every * around + j * every);
+        SurfacePoint s{h / 3, Vector3::Zero()};
+        s.barycentric[h % 3] = 1;
+        quads.source.push_back(s);
+        quads.positions.row(i * sides + j) = position(mesh, s).transpose();
+        if (i + 1 < rings)
+          quads.quads.row(i * sides + j) << i * sides + j, i * sides + (j + 1) % sides,
+              (i + 1) * sides + (j + 1) % sides, (i + 1) * sides + j;
+      }
+  }
+  /// Weights of two bones that blend around the middle over `width`.
+  [[nodiscard]] SkinWeights two_bones(double width = 2) const {
+    std::vector<Eigen::Triplet<double, Index>> entries;
+    for (Index v = 0; v < mesh.vertex_count(); ++v) {
+      const double t = std::clamp((mesh.position(v).x() - 3) / width + 0.5, 0.0, 1.0);
+      if (t < 1) entries.emplace_back(v, 0, 1 - t);
+      if (t > 0) entries.emplace_back(v, 1, t);
     }
+    SkinWeights weights(mesh.vertex_count(), 2);
+    weights.setFromTriplets(entries.begin(), entries.end());
+    return weights;
   }
-  return std::sqrt(sum / area);
+};
+
+Pose bent(double degrees) {
+  Pose pose(2, Eigen::Affine3d::Identity());
+  pose[1] = Eigen::Translation3d(3, 0, 0) * Eigen::AngleAxisd(degrees * std::numbers::pi / 180, Vector3::UnitZ()) *
+            Eigen::Translation3d(-3, 0, 0);
+  return pose;
 }
-double least(const QuadMesh& quads) {
-  double worst = 1;
-  for (Index q = 0; q < quads.quad_count(); ++q)
-    worst = std::min(worst, scaled_jacobian(quads.positions, quads.quads.row(q)));
-  return worst;
-}
-void check_on_surface(const Sheet& s) {
-  for (Index v = 0; v < s.quads.vertex_count(); ++v) {
-    const SurfacePoint& source = s.quads.source[at(v)];
-    CHECK((position(s.mesh, source) - s.quads.positions.row(v).transpose()).norm() < 1e-12);
-    CHECK(source.barycentric.minCoeff() >= 0);
+
+/// Root mean square distance of the surface's vertices, away from the ends, to quads drawn as 0 1 2, 0 2 3.
+double straying(const Points<double>& surface, const Points<double>& rest, const QuadMesh& quads) {
+  Triangles drawn(2 * quads.quad_count(), 3);
+  for (Index q = 0; q < quads.quad_count(); ++q) {
+    drawn.row(2 * q) << quads.quads(q, 0), quads.quads(q, 1), quads.quads(q, 2);
+    drawn.row(2 * q + 1) << quads.quads(q, 0), quads.quads(q, 2), quads.quads(q, 3);
   }
+  const ClosestPoint closest(quads.positions, drawn);
+  double sum = 0;
+  Index count = 0;
+  for (Eigen::Index v = 0; v < surface.rows(); ++v) {
+    if (rest(v, 0) < 1 || rest(v, 0) > 5) continue;
+    sum += closest.closest(surface.row(v).transpose()).squared_distance;
+    ++count;
+  }
+  return std::sqrt(sum / count);
+}
+double straying(const Tube& tube, const QuadMesh& quads) {
+  return straying(tube.mesh.positions(), tube.mesh.positions(), quads);
 }
 
 }  // namespace
 
-TEST_CASE("fit: quads come closer to the surface, stay on it and sound, and the border stays", "[fit][fast]") {
-  Sheet s = sheet(12, 8, 8, wave);
-  const QuadMesh start = s.quads;
-  const double before = straying(s);
+TEST_CASE("fit: quads round a tube stand outside it, half as far off, and its lines stay straight", "[fit][fast]") {
+  const Tube tube;
   Context context;
-  const FitReport report = fit(s.mesh, {}, {}, {}, s.quads, context);
-  CHECK(report.rounds == 4);
-  CHECK(straying(s) < 0.75 * before);
-  // what the report says of five points a quad is near what many points say
-  CHECK(report.before == Approx(before).epsilon(0.25));
-  CHECK(report.after == Approx(straying(s)).epsilon(0.25));
-  CHECK(least(s.quads) >= std::min(0.8, least(start)));
-  check_on_surface(s);
-  const Grid grid{12, 8};
-  for (Index j = 0; j <= 8; ++j)
-    for (Index i = 0; i <= 12; ++i)
-      if (i % 12 == 0 || j % 8 == 0)
-        CHECK(s.quads.positions.row(grid.vertex(i, j)) == start.positions.row(grid.vertex(i, j)));
-  CHECK(s.quads.quads == start.quads);
-}
-
-TEST_CASE("fit: no rounds, and a flat sheet, change nothing", "[fit][fast]") {
-  Context context;
-  Sheet curved = sheet(6, 4, 4, wave);
-  const Points<double> start = curved.quads.positions;
-  const FitReport report = fit(curved.mesh, {}, {}, {.rounds = 0}, curved.quads, context);
-  CHECK(report.rounds == 0);
-  CHECK(report.before == report.after);
-  CHECK(curved.quads.positions == start);
-  Sheet flat = sheet(6, 4, 4, [](double, double) { return 0.0; });
-  const Points<double> even = flat.quads.positions;
-  (void)fit(flat.mesh, {}, {}, {}, flat.quads, context);
-  CHECK((flat.quads.positions - even).cwiseAbs().maxCoeff() < 1e-9);
-}
-
-TEST_CASE("fit: held vertices stay, and parts are fitted as if they were alone", "[fit][fast]") {
-  // One sheet, and a copy of it a hundred times as large beside it.
-  const Sheet one = sheet(8, 6, 4, wave);
-  const Index n = one.mesh.vertex_count(), m = one.mesh.face_count(), v = one.quads.vertex_count(),
-              q = one.quads.quad_count();
-  Points<double> positions(2 * n, 3);
-  positions << one.mesh.positions(), 100 * one.mesh.positions().array() + 1000;
-  Triangles faces(2 * m, 3);
-  faces << one.mesh.faces(), one.mesh.faces().array() + n;
-  Sheet both{build(positions, faces), {}};
-  both.quads.positions.resize(2 * v, 3);
-  both.quads.positions << one.quads.positions, 100 * one.quads.positions.array() + 1000;
-  both.quads.quads.resize(2 * q, 4);
-  both.quads.quads << one.quads.quads, one.quads.quads.array() + v;
-  both.quads.source = one.quads.source;
-  for (SurfacePoint s : one.quads.source) {
-    s.face += m;
-    both.quads.source.push_back(s);
+  const Expected<FittedQuads> fitted = fit(tube.mesh, tube.quads, {}, {}, {}, context);
+  REQUIRE(fitted);
+  CHECK(straying(tube, fitted->mesh) < 0.6 * straying(tube, tube.quads));
+  CHECK(fitted->report.rest_after < 0.6 * fitted->report.rest_before);
+  CHECK(fitted->report.posed_after == Approx(fitted->report.rest_after));
+  CHECK(fitted->report.largest_move > 0.01);
+  double least = 10, largest = 0;
+  for (Index v = 0; v < fitted->mesh.vertex_count(); ++v) {
+    const Vector3 p = fitted->mesh.positions.row(v).transpose();
+    if (p.x() < 1 || p.x() > 5) continue;
+    const double radius = std::hypot(p.y(), p.z());
+    least = std::min(least, radius);
+    largest = std::max(largest, radius);
+    CHECK(p.x() == Approx(tube.quads.positions(v, 0)).margin(1e-3));
   }
-  const Index middle = Grid{8, 6}.vertex(4, 3);
-  std::vector<char> held(at(v), 0);
-  held[at(middle)] = 1;
-  Sheet alone = one;
-  Context context;
-  (void)fit(alone.mesh, {}, held, {}, alone.quads, context);
-  CHECK(alone.quads.positions.row(middle) == one.quads.positions.row(middle));
-  CHECK((alone.quads.positions - one.quads.positions).cwiseAbs().maxCoeff() > 0.01);
-  held.resize(at(2 * v), 0);
-  held[at(v + middle)] = 1;
-  (void)fit(both.mesh, {}, held, {}, both.quads, context);
-  CHECK(both.quads.positions.topRows(v) == alone.quads.positions);
-  const Points<double> large = (both.quads.positions.bottomRows(v).array() - 1000) / 100;
-  CHECK((large - alone.quads.positions).cwiseAbs().maxCoeff() < 1e-6);
+  CHECK(least > 1);
+  CHECK(largest - least < 1e-3);
+  // the source is where the surface is nearest
+  for (Index v = 0; v < fitted->mesh.vertex_count(); ++v) {
+    const Vector3 p = fitted->mesh.positions.row(v).transpose();
+    CHECK((position(tube.mesh, fitted->mesh.source[at(v)]) - p).norm() <= fitted->report.largest_move + 1e-12);
+  }
 }
 
-TEST_CASE("fit: the same bits at 1, 2 and 16 threads", "[fit][fast]") {
-  const Sheet start = sheet(96, 64, 2, wave);
-  std::vector<Points<double>> found;
-  for (const unsigned threads : {1U, 2U, 16U}) {
-    Sheet s = start;
+TEST_CASE("fit: border and held vertices stay; a flat sheet stays; method none moves nothing", "[fit][fast]") {
+  const Tube tube;
+  Context context;
+  std::vector<char> held(at(tube.quads.vertex_count()), 0);
+  held[43] = 1;
+  const Expected<FittedQuads> fitted = fit(tube.mesh, tube.quads, {}, held, {}, context);
+  REQUIRE(fitted);
+  CHECK(fitted->mesh.positions.row(43) == tube.quads.positions.row(43));
+  for (Index j = 0; j < 8; ++j) CHECK(fitted->mesh.positions.row(j) == tube.quads.positions.row(j));
+  const Expected<FittedQuads> still = fit(tube.mesh, tube.quads, {}, {}, {.method = FitMethod::none}, context);
+  REQUIRE(still);
+  CHECK(still->mesh.positions == tube.quads.positions);
+  CHECK(still->report.rest_after == still->report.rest_before);
+
+  const Grid fine{12, 12}, coarse{4, 4};
+  const auto place = [](double i, double j) { return Vector3(i, j, 0); };
+  const TriangleMesh<double> sheet =
+      build(fine.positions([&](Index i, Index j) { return place(double(i), double(j)); }), fine.triangles());
+  QuadMesh quads;
+  quads.quads = coarse.quads();
+  quads.positions.resize(coarse.vertex_count(), 3);
+  for (Index j = 0; j <= 4; ++j)
+    for (Index i = 0; i <= 4; ++i) {
+      const Index h = sheet.outgoing(fine.vertex(3 * i, 3 * j));
+      SurfacePoint s{h / 3, Vector3::Zero()};
+      s.barycentric[h % 3] = 1;
+      quads.source.push_back(s);
+      quads.positions.row(coarse.vertex(i, j)) = position(sheet, s).transpose();
+    }
+  const Expected<FittedQuads> flat = fit(sheet, quads, {}, {}, {}, context);
+  REQUIRE(flat);
+  CHECK((flat->mesh.positions - quads.positions).cwiseAbs().maxCoeff() < 1e-9);
+}
+
+TEST_CASE("fit: poses that bend the surface bring the posed quads closer than the rest pose alone", "[fit][fast]") {
+  const Tube tube;
+  const SkinWeights weights = tube.two_bones();
+  const std::vector<Pose> poses{bent(70)};
+  Context context;
+  FitMotion motion;
+  motion.weights = &weights;
+  const Expected<FittedQuads> at_rest = fit(tube.mesh, tube.quads, motion, {}, {}, context);
+  motion.poses = poses;
+  const std::vector<double> emphasis{10};
+  motion.pose_weights = emphasis;
+  const Expected<FittedQuads> posed = fit(tube.mesh, tube.quads, motion, {}, {}, context);
+  REQUIRE(at_rest);
+  REQUIRE(posed);
+  const Points<double> fine = skin(tube.mesh.positions(), weights, poses[0]);
+  const auto error = [&](const FittedQuads& made) {
+    QuadMesh moved = made.mesh;
+    moved.positions = skin(made.mesh.positions, *made.weights, poses[0]);
+    return straying(fine, tube.mesh.positions(), moved);
+  };
+  CHECK(error(*posed) < 0.95 * error(*at_rest));
+  CHECK(posed->report.posed_after < posed->report.posed_before);
+  for (Index v = 0; v < posed->mesh.vertex_count(); ++v) CHECK(posed->weights->row(v).sum() == Approx(1));
+}
+
+TEST_CASE("fit: the influences that are kept move a vertex as all of them do, where they can", "[fit][fast]") {
+  const Tube tube;
+  // Six bones: three that always move together, and three others; the strongest four are not the best four.
+  const SkinWeights two = tube.two_bones();
+  std::vector<Eigen::Triplet<double, Index>> entries;
+  for (Index v = 0; v < tube.mesh.vertex_count(); ++v)
+    for (SkinWeights::InnerIterator it(two, v); it; ++it)
+      for (Index k = 0; k < 3; ++k) entries.emplace_back(v, 3 * static_cast<Index>(it.col()) + k, it.value() / 3);
+  SkinWeights weights(tube.mesh.vertex_count(), 6);
+  weights.setFromTriplets(entries.begin(), entries.end());
+  std::vector<Pose> poses;
+  for (const double degrees : {-60.0, 60.0}) {
+    const Pose pair = bent(degrees);
+    Pose pose;
+    for (Index b = 0; b < 6; ++b) pose.push_back(pair[at(b / 3)]);
+    poses.push_back(pose);
+  }
+  Context context;
+  FitMotion motion;
+  motion.weights = &weights;
+  motion.poses = poses;
+  motion.influences = 2;
+  const Expected<FittedQuads> fitted = fit(tube.mesh, tube.quads, motion, {}, {.method = FitMethod::none}, context);
+  REQUIRE(fitted);
+  CHECK(fitted->report.dropped_influences == tube.quads.vertex_count());
+  CHECK(fitted->report.dropped_error < 1e-3);
+  for (Index v = 0; v < fitted->mesh.vertex_count(); ++v) {
+    double sum = 0, second = 0;
+    Index count = 0;
+    for (SkinWeights::InnerIterator it(*fitted->weights, v); it; ++it) {
+      CHECK(it.value() > 0);
+      sum += it.value();
+      if (it.col() >= 3) second += it.value();
+      ++count;
+    }
+    CHECK(count <= 2);
+    CHECK(sum == Approx(1));
+    const double x = fitted->mesh.positions(v, 0);
+    CHECK(second == Approx(std::clamp((x - 3) / 2 + 0.5, 0.0, 1.0)).margin(0.02));
+  }
+}
+
+TEST_CASE("fit: morph targets are carried in the mean, and count as poses", "[fit][fast]") {
+  const Tube tube;
+  std::vector<Points<double>> morphs(2, Points<double>::Zero(tube.mesh.vertex_count(), 3));
+  for (Index v = 0; v < tube.mesh.vertex_count(); ++v) {
+    const Vector3 p = tube.mesh.position(v);
+    morphs[0].row(v) << 0.25, -0.5, 1;  // the whole moves
+    morphs[1].row(v) = 0.8 * std::exp(-4 * (p.x() - 3) * (p.x() - 3)) * Vector3(0, p.y(), p.z()).transpose();
+  }
+  Context context;
+  FitMotion motion;
+  motion.morphs = morphs;
+  const Expected<FittedQuads> fitted = fit(tube.mesh, tube.quads, motion, {}, {}, context);
+  const Expected<FittedQuads> without = fit(tube.mesh, tube.quads, {}, {}, {}, context);
+  REQUIRE(fitted);
+  REQUIRE(without);
+  REQUIRE(fitted->morphs.size() == 2);
+  CHECK((fitted->morphs[0].rowwise() - Eigen::RowVector3d(0.25, -0.5, 1)).cwiseAbs().maxCoeff() < 1e-3);
+  const Points<double> bulge = tube.mesh.positions() + morphs[1];
+  QuadMesh moved = fitted->mesh, read = without->mesh;
+  moved.positions += fitted->morphs[1];
+  for (Index v = 0; v < read.vertex_count(); ++v)
+    for (int i = 0; i < 3; ++i)
+      read.positions.row(v) +=
+          read.source[at(v)].barycentric[i] * morphs[1].row(tube.mesh.faces()(read.source[at(v)].face, i));
+  CHECK(straying(bulge, tube.mesh.positions(), moved) < 0.9 * straying(bulge, tube.mesh.positions(), read));
+}
+
+TEST_CASE("fit: the same bits at any number of threads; a cancelled fit says so; wrong input is named", "[fit][fast]") {
+  const Tube tube;
+  const SkinWeights weights = tube.two_bones();
+  const std::vector<Pose> poses{bent(60), bent(-60)};
+  FitMotion motion;
+  motion.weights = &weights;
+  motion.poses = poses;
+  std::optional<Points<double>> first;
+  for (const unsigned threads : {1u, 2u, 7u}) {
     Context context;
     context.threads = threads;
-    (void)fit(s.mesh, {}, {}, {.rounds = 2}, s.quads, context);
-    found.push_back(s.quads.positions);
+    const Expected<FittedQuads> fitted = fit(tube.mesh, tube.quads, motion, {}, {}, context);
+    REQUIRE(fitted);
+    if (!first) first = fitted->mesh.positions;
+    CHECK(*first == fitted->mesh.positions);
   }
-  CHECK(found[0] == found[1]);
-  CHECK(found[0] == found[2]);
-  CHECK((found[0] - start.quads.positions).cwiseAbs().maxCoeff() > 1e-4);
-}
+  Context stopped;
+  std::atomic<bool> stop = true;
+  stopped.cancel_flag = &stop;
+  const Expected<FittedQuads> cancelled = fit(tube.mesh, tube.quads, motion, {}, {}, stopped);
+  REQUIRE_FALSE(cancelled);
+  CHECK(cancelled.error().code == ErrorCode::cancelled);
 
-TEST_CASE("fit: lines of vertices find a ridge, and stay on one that is held", "[fit][fast]") {
-  // Columns of quads stand 0.25 apart, the ridge between two of them at 1.55; on the border nothing moves.
-  Sheet s = sheet(12, 8, 15, roof);
-  const double before = straying(s);
   Context context;
-  (void)fit(s.mesh, {}, {}, {.rounds = 8}, s.quads, context);
-  CHECK(straying(s) < 0.55 * before);
-  const Grid grid{12, 8};
-  for (Index j = 2; j <= 6; ++j) CHECK(s.quads.positions(grid.vertex(6, j), 0) == Approx(1.55).margin(0.01));
-
-  // A bump beside the ridge, which stands on a column now, draws vertices away from it.
-  const auto bumpy = [](double x, double y) {
-    return -0.6 * std::abs(x - 1.5) + 0.15 * std::exp(-20 * ((x - 1.8) * (x - 1.8) + (y - 1) * (y - 1)));
+  const auto refused = [&](const FitMotion& wrong) {
+    const Expected<FittedQuads> made = fit(tube.mesh, tube.quads, wrong, {}, {}, context);
+    REQUIRE_FALSE(made);
+    CHECK(made.error().code == ErrorCode::bad_input);
+    return made.error().where;
   };
-  const Sheet start = sheet(12, 8, 8, bumpy);
-  double slid = 0;
-  std::vector<char> ridge(static_cast<std::size_t>(start.quads.vertex_count()), 0);
-  for (Index j = 0; j <= 8; ++j) ridge[static_cast<std::size_t>(grid.vertex(6, j))] = 1;
-  for (const bool hold : {false, true}) {
-    Sheet held = start;
-    (void)fit(held.mesh, {}, hold ? ridge : std::vector<char>{}, {}, held.quads, context);
-    double moved = 0;
-    for (Index j = 1; j < 8; ++j) {
-      const Index v = grid.vertex(6, j);
-      moved = std::max(moved, (held.quads.positions.row(v) - start.quads.positions.row(v)).norm());
-    }
-    if (hold)
-      CHECK(moved == 0);
-    else
-      slid = moved;
+  const std::vector<Pose> other{Pose(3, Eigen::Affine3d::Identity())};
+  FitMotion wrong = motion;
+  wrong.poses = other;
+  CHECK(refused(wrong) == "pose 0");
+  const std::vector<double> one_weight{1};
+  wrong = motion;
+  wrong.pose_weights = one_weight;
+  CHECK(refused(wrong) == "pose weights");
+  const std::vector<Points<double>> short_morph{Points<double>::Zero(3, 3)};
+  wrong = motion;
+  wrong.morphs = short_morph;
+  CHECK(refused(wrong) == "morph 0");
+  for (const FitOptions& bad : {FitOptions{.rounds = -1}, FitOptions{.samples = 0}, FitOptions{.stiffness = -1},
+                                FitOptions{.shear = -1}, FitOptions{.sliding = -1}, FitOptions{.largest_move = -1},
+                                FitOptions{.accepted = 1}, FitOptions{.slide = {.skew = -1}}}) {
+    const Expected<FittedQuads> made = fit(tube.mesh, tube.quads, {}, {}, bad, context);
+    REQUIRE_FALSE(made);
+    CHECK(made.error().code == ErrorCode::bad_option);
+    CHECK(made.error().where.starts_with("fit."));
   }
-  CHECK(slid > 0.01);
-}
-
-TEST_CASE("fit: lines gather where the surface is going to bend", "[fit][fast]") {
-  Sheet s = sheet(12, 8, 6, [](double, double) { return 0.0; });
-  Skeleton skeleton;
-  skeleton.bones = {{.head = {0, 1, 0}, .tail = {1.5, 1, 0}}, {.head = {1.5, 1, 0}, .tail = {3, 1, 0}, .parent = 0}};
-  SkinWeights weights(s.mesh.vertex_count(), 2);
-  for (Index v = 0; v < s.mesh.vertex_count(); ++v) {
-    const double t = std::clamp((s.mesh.positions()(v, 0) - 1.25) / 0.5, 0.0, 1.0), share = t * t * (3 - 2 * t);
-    if (share < 1) weights.insert(v, 0) = 1 - share;
-    if (share > 0) weights.insert(v, 1) = share;
-  }
-  weights.makeCompressed();
-  const Connection<double> connection(s.mesh);
-  Context context;
-  const std::vector<Pose> poses = bend_poses(skeleton, 60);
-  FitTargets targets;
-  targets.set_bending(connection, PosedForms::create(s.mesh, connection, weights, poses, {}, context).value(), context);
-  const FitReport report = fit(s.mesh, targets, {}, {}, s.quads, context);
-  CHECK(report.after < 0.8 * report.before);
-  const Grid grid{12, 8};
-  const auto x = [&](Index i) { return s.quads.positions(grid.vertex(i, 4), 0); };
-  CHECK(x(7) - x(5) < 0.9 * 0.5);
-  CHECK(x(5) - x(4) > 1.05 * 0.25);
-  CHECK(least(s.quads) >= 0.8);
-  check_on_surface(s);
-}
-
-TEST_CASE("fit: edges turn to the direction they are given", "[fit][fast]") {
-  Sheet s = sheet(12, 8, 8, wave);
-  const ClosestPoint closest(s.mesh);
-  const Grid grid{12, 8};
-  for (Index j = 1; j < 8; ++j)
-    for (Index i = 1; i < 12; ++i) {  // rows that run up and down
-      const Index v = grid.vertex(i, j);
-      const Vector3 away = s.quads.positions.row(v).transpose() + Vector3(0, i % 2 ? 0.03 : -0.03, 0);
-      const SurfaceHit hit = closest.closest(away);
-      s.quads.source[at(v)] = hit;
-      s.quads.positions.row(v) = hit.position.transpose();
-    }
-  const auto leaving = [&](const QuadMesh& quads) {  // mean slope of the rows, as seen from above
-    double sum = 0;
-    for (Index j = 1; j < 8; ++j)
-      for (Index i = 1; i < 11; ++i) {
-        const Index v = grid.vertex(i, j), w = grid.vertex(i + 1, j);
-        sum += std::abs(quads.positions(w, 1) - quads.positions(v, 1)) / 0.25 / 70;
-      }
-    return sum;
-  };
-  FitTargets targets;
-  targets.direction.assign(at(s.mesh.face_count()), Vector3::UnitX());
-  Sheet free = s;
-  const double before = leaving(s.quads);
-  Context context;
-  (void)fit(s.mesh, targets, {}, {.skew = 0}, s.quads, context);
-  (void)fit(free.mesh, {}, {}, {.skew = 0}, free.quads, context);
-  CHECK(leaving(s.quads) < 0.6 * before);
-  CHECK(leaving(s.quads) < 0.8 * leaving(free.quads));
-}
-
-TEST_CASE("fit: where errors weigh more, quads come closer", "[fit][fast]") {
-  const auto two = [](double x, double y) {
-    return 0.2 * std::sin(4 * y) * std::exp(-8 * (x - 0.7) * (x - 0.7)) +
-           0.2 * std::sin(4 * y) * std::exp(-8 * (x - 2.3) * (x - 2.3));
-  };
-  const Sheet start = sheet(12, 8, 6, two);
-  std::array<double, 2> share{};
-  for (int k = 0; k < 2; ++k) {
-    Sheet s = start;
-    FitTargets targets;
-    for (Index f = 0; k == 1 && f < s.mesh.face_count(); ++f)
-      targets.weight.push_back(s.mesh.position(s.mesh.faces()(f, 0)).x() < 1.5 ? 20 : 1);
-    Context context;
-    (void)fit(s.mesh, targets, {}, {}, s.quads, context);
-    const ClosestPoint closest(s.mesh);
-    for (Index q = 0; q < s.quads.quad_count(); ++q) {
-      Vector3 centre = Vector3::Zero();
-      for (int i = 0; i < 4; ++i) centre += s.quads.positions.row(s.quads.quads(q, i)).transpose() / 4;
-      if (centre.x() < 1.5) share[at(k)] += closest.closest(centre).squared_distance;
-    }
-  }
-  CHECK(share[1] < 0.95 * share[0]);
-}
-
-TEST_CASE("fit: options out of range are named, and a cancelled fit leaves sound quads", "[fit][fast]") {
-  for (const FitOptions& bad : {FitOptions{.rounds = -1}, FitOptions{.skew = -1}, FitOptions{.turn = std::nan("")},
-                                FitOptions{.stray = -2}, FitOptions{.accepted = 1}})
-    CHECK(bad.validate().error().where.starts_with("fit."));
-  RemeshOptions options;
-  options.fit.rounds = -1;
-  CHECK(options.validate().error().where == "fit.rounds");
-
-  Sheet s = sheet(12, 8, 4, wave);
-  Context context;
-  std::atomic<bool> cancel{true};
-  context.cancel_flag = &cancel;
-  CHECK(fit(s.mesh, {}, {}, {}, s.quads, context).rounds == 0);
-  CHECK(least(s.quads) > 0.6);
 }

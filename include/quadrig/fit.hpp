@@ -1,53 +1,92 @@
-// Quads as close to the surface as their number allows: vertices slide along it until the flat quads stray least from
-// it, at rest and in the poses, while edges keep to where they run.
+// Quads as close to the surface that moves as their number allows: vertices leave the surface for where the flat quads
+// (or what a subdivision makes of them) stray least from it, at rest, in the poses and in the morph targets.
+//
+// A quad with its corners on a bulge cuts into it, always to the same side. Least squares put the corners outside, the
+// error changes its sign, and half of it goes. Samples of the surface keep their place on the quads for positions,
+// weights and displacements alike.
 #pragma once
 
-#include "quadrig/closest.hpp"
-#include "quadrig/constraints/posed_metric.hpp"
-#include "quadrig/quads.hpp"
+#include "quadrig/fit/slide.hpp"
+#include "quadrig/solver.hpp"
+#include "quadrig/transfer.hpp"
 
 namespace quadrig {
 
+enum class FitMethod : std::uint8_t {
+  none,     ///< vertices stay where the quads are most even
+  slide,    ///< vertices stay on the surface and slide along it (fit/slide.hpp)
+  surface,  ///< least squares for flat quads; vertices leave the surface
+};
+
+/// "none", "slide" or "surface". \fails bad_option on any other name
+[[nodiscard]] inline Expected<FitMethod> fit_method(std::string_view name) {
+  constexpr std::array<std::string_view, 3> names{"none", "slide", "surface"};
+  for (std::size_t k = 0; k < names.size(); ++k)
+    if (names[k] == name) return static_cast<FitMethod>(k);
+  return Error{ErrorCode::bad_option, "there is no such fit", "fit " + std::string(name),
+               "one of: none, slide, surface"};
+}
+[[nodiscard]] constexpr std::string_view fit_method_name(FitMethod method) {
+  constexpr std::array<std::string_view, 3> names{"none", "slide", "surface"};
+  return names[static_cast<std::size_t>(method)];
+}
+
 struct FitOptions {
-  int rounds = 4;  ///< over all vertices; 0: the quads stay as they are
-  /// What a quad's shape costs, in mean errors for the square of a sine: corners that are not right, edges that turn
-  /// from where they ran, and edges that leave the direction they are given.
-  double skew = 3, turn = 1, stray = 5;
-  double accepted = 0.8;  ///< a move may not push a scaled Jacobian below this, or below what it was
+  FitMethod method = FitMethod::surface;
+  SlideOptions slide{}; ///< of FitMethod::slide
+  int rounds = 4;       ///< of new places for the samples, each with one least-squares solve
+  double samples = 32;  ///< of the surface, for each quad at least
+  /// What displacements cost against the squared distance: unlike ones of neighbours, as a whole and along the surface,
+  /// and their part along the surface.
+  double stiffness = 0.005, shear = 0.01, sliding = 0.01;
+  double largest_move = 0.5;  ///< of the shortest edge at the vertex
+  double accepted = 0.5;      ///< a move may not push a scaled Jacobian below this, or below what it was
 
   /// \fails bad_option, naming the field
   [[nodiscard]] Status validate() const;
 };
 
-/// What a fit goes by: one value a face of the surface, or nothing, which is the same everywhere.
-struct FitTargets {
-  std::vector<double> weight;      ///< how much the error counts there; empty: 1
-  std::vector<Vector3> direction;  ///< along or across which edges should run; zero: as they do
-  /// Σ_p weight_p d dᵀ over the poses, d = (xx, xy, yy) how much the form of PosedForms differs from that at rest, in
-  /// the bases of `connection`: 11, 12, 13, 22, 23, 33.
-  std::vector<std::array<double, 6>> bending;
-  const Connection<double>* connection = nullptr;
-
-  /// `bending` of these forms; left early, and of no use, where it is cancelled. \cost O(forms)
-  void set_bending(const Connection<double>& bases, const PosedForms& forms, const Context& context);
+/// How the surface moves. Everything is borrowed and may be empty.
+struct FitMotion {
+  const SkinWeights* weights = nullptr;    ///< one row a vertex of the surface
+  std::span<const Pose> poses;             ///< linear blend skinning of `weights`
+  std::span<const double> pose_weights;    ///< empty: 1 each
+  double rest_weight = 1;                  ///< of the rest pose beside them
+  std::span<const Points<double>> morphs;  ///< displacements, n×3, a pose each
+  std::span<const double> face_weights;    ///< how much the error counts on each face; empty: 1
+  Index influences = 4;                    ///< most weights a vertex of the quads keeps
 };
 
+/// Root mean square distances of the surface to the planes of the quads at its places, by `face_weights`; lengths.
 struct FitReport {
-  /// Root mean square distance from the quads to the surface, by their centres and edges and by `weight`, and what
-  /// bending adds to it; a length.
-  double before = 0, after = 0;
+  double rest_before = 0, rest_after = 0;
+  double posed_before = 0, posed_after = 0;  ///< over rest, poses and morphs; as at rest where there are none
+  double largest_move = 0;                   ///< of a vertex, a length
+  Index dropped_influences = 0;              ///< vertices that have fewer weights than the surface there
+  double dropped_error = 0;                  ///< rms over those and the poses of how far that moves a vertex; a length
   int rounds = 0;
 };
 
-/// Moves vertices along the surface, those on a border or in `held` not at all. Every vertex stays on the surface and
-/// `source` follows; the same bits for any number of threads.
-/// \param held a flag a vertex, or empty: none
-/// \pre quads.source has one point a vertex
-/// \cost O(rounds · quads) closest-point walks: about ten for each vertex and round. \fails never; leaves early, with
-///   sound quads, where it is cancelled.
-[[nodiscard]] QUADRIG_INLINE FitReport fit(const TriangleMesh<double>& mesh, const FitTargets& targets,
-                                           std::vector<char> held, const FitOptions& options, QuadMesh& quads,
-                                           Context& context);
+struct FittedQuads {
+  QuadMesh mesh;                       ///< `source`: the points of the surface nearest to the vertices
+  std::optional<SkinWeights> weights;  ///< where the motion has weights: at most `influences` a row, sum 1
+  std::vector<Points<double>> morphs;  ///< displacements of the vertices, one matrix a morph of the motion
+  FitReport report;
+};
+
+/// Fits quads to a surface by `options.method`, `surface` or `none` (then only weights and morphs are made). Each quad
+/// begins at the corner from which two triangles (0 1 2, 0 2 3) stray least.
+/// \param held a flag a vertex, or empty: does not move; nor do border vertices
+/// \pre quads.source has one point a vertex; the quads are an oriented manifold near the surface
+/// \cost O(samples · poses that move them) a round, and one sparse factorization of three unknowns a vertex.
+///   The same bits for any number of threads.
+/// \fails bad_option by validate(); bad_input where weights, poses or morphs do not fit the surface; as the solver
+/// does;
+///   cancelled
+[[nodiscard]] QUADRIG_INLINE Expected<FittedQuads> fit(const TriangleMesh<double>& surface, QuadMesh quads,
+                                                       const FitMotion& motion, std::vector<char> held,
+                                                       const FitOptions& options, Context& context,
+                                                       const SolverFactory<double>& solver = solver_factory<double>());
 
 }  // namespace quadrig
 

@@ -28,6 +28,8 @@ struct RemeshOptions {
   std::vector<Pose> poses;
   std::vector<double> pose_weights;
   double bend_degrees = 60;
+  /// Displacements of the asset's vertices by morph targets, n×3 each: poses of the fit, carried over to the quads.
+  std::vector<Points<double>> morphs;
   double count_tolerance = 0.05;
   Index influences = 4;  ///< most skin weights a vertex of the quads keeps
   /// Edges that bend more than this become edges of quads, radians, where they run on; π: none.
@@ -73,13 +75,14 @@ struct ComponentReport {
 
 /// Wall-clock, of components that run side by side the sum; `pieces`: cutting out, refinement and stand-ins.
 struct StageSeconds {
-  double metric = 0, pieces = 0, field = 0, map = 0, integers = 0, extraction = 0, polish = 0, transfer = 0, total = 0;
+  double metric = 0, pieces = 0, field = 0, map = 0, integers = 0, extraction = 0, polish = 0, fit = 0, transfer = 0,
+         total = 0;
 
   /// Of all stages; `total` is not a sum.
   StageSeconds& operator+=(const StageSeconds& other) {
-    for (const auto stage :
-         {&StageSeconds::metric, &StageSeconds::pieces, &StageSeconds::field, &StageSeconds::map,
-          &StageSeconds::integers, &StageSeconds::extraction, &StageSeconds::polish, &StageSeconds::transfer})
+    for (const auto stage : {&StageSeconds::metric, &StageSeconds::pieces, &StageSeconds::field, &StageSeconds::map,
+                             &StageSeconds::integers, &StageSeconds::extraction, &StageSeconds::polish,
+                             &StageSeconds::fit, &StageSeconds::transfer})
       this->*stage += other.*stage;
     return *this;
   }
@@ -101,11 +104,13 @@ struct RemeshReport {
   std::vector<Warning> warnings;
   FieldReport field;       ///< of the largest component
   StageBackends backends;  ///< likewise
+  FitReport fit;           ///< of all components together
 };
 
 struct RemeshResult {
-  QuadMesh mesh;                       ///< `source` refers to the asset's mesh
+  QuadMesh mesh;                       ///< `source`: the points of the asset's mesh nearest to the vertices
   std::optional<SkinWeights> weights;  ///< one row a vertex of `mesh`, where the asset has a rig
+  std::vector<Points<double>> morphs;  ///< displacements of the vertices of `mesh`, one matrix a morph of the options
   RemeshReport report;
 };
 

@@ -42,7 +42,7 @@ Json options_json(const RemeshCommand& o) {
   json["bend_degrees"] = o.remesh.bend_degrees;
   json["crease_degrees"] = o.crease_degrees > 0 ? Json(o.crease_degrees) : Json(nullptr);
   json["keep"] = o.keep;
-  json["fit"] = o.remesh.fit.rounds > 0;
+  json["fit"] = fit_method_name(o.remesh.fit.method);
   json["influences"] = o.remesh.influences;
   json["count_tolerance"] = o.remesh.count_tolerance;
   json["solver"] = o.remesh.solver.name;
@@ -195,6 +195,13 @@ void add_remesh_figures(Json& report, const RemeshReport& r, double read_seconds
                      {"index_sum", r.field.index_sum},
                      {"mean_angle_to_bone_deg", r.field.mean_angle_to_bone_deg},
                      {"residual", r.field.solve.residual}};
+  report["fit"] = {{"rest_before", r.fit.rest_before},
+                   {"rest_after", r.fit.rest_after},
+                   {"posed_before", r.fit.posed_before},
+                   {"posed_after", r.fit.posed_after},
+                   {"largest_move", r.fit.largest_move},
+                   {"dropped_influences", r.fit.dropped_influences},
+                   {"dropped_error", r.fit.dropped_error}};
   report["solvers"] = {{"field", r.backends.field},
                        {"surgery", r.backends.surgery},
                        {"target", r.backends.target},
@@ -208,6 +215,7 @@ void add_remesh_figures(Json& report, const RemeshReport& r, double read_seconds
                        {"integers", r.seconds.integers},
                        {"extraction", r.seconds.extraction},
                        {"polish", r.seconds.polish},
+                       {"fit", r.seconds.fit},
                        {"transfer", r.seconds.transfer},
                        {"total", read_seconds + r.seconds.total}};
   Json all = warnings_json(warnings);
@@ -249,9 +257,12 @@ void add_remesh(CLI::App& app, Run& run) {
       ->check(CLI::IsMember({"materials", "textures", "groups", "lines"}))
       ->allow_extra_args(false)
       ->type_name("materials|textures|groups|lines[,…]");
-  verb->add_flag_callback(
-      "--no-fit", [&remesh] { remesh.fit.rounds = 0; },
-      "Leave vertices where quads are most even, not where they come closest to the surface");
+  verb->add_option_function<std::string>(
+          "--fit", [&remesh](const std::string& name) { remesh.fit.method = *fit_method(name); },
+          "Where vertices go: surface: off the surface, where flat quads are nearest to it at rest and bent; slide: along "
+          "the surface; none: where quads are most even")
+      ->check(CLI::IsMember({"surface", "slide", "none"}))
+      ->option_text("surface|slide|none = surface");
   verb->add_option("--influences", remesh.influences, "Most weights that a vertex keeps")
       ->capture_default_str()
       ->type_name("N");

@@ -108,7 +108,9 @@ class MapStage {
       Index defects;
     };
     std::vector<Tried> candidates;
-    for (const auto& [fidelity, largest] : {Scaling{64, 4}, Scaling{4, 4}, Scaling{0.1, 64}}) {
+    // Sizes that few quads cannot follow cost their shape.
+    const double faithful = std::clamp(in_.quads / 30, 16.0, 64.0);
+    for (const auto& [fidelity, largest] : {Scaling{faithful, 4}, Scaling{4, 4}, Scaling{0.1, 64}}) {
       if (!candidates.empty() && in_.left.mapping <= 0) break;
       target_ = in_.target;
       LogScaleOptions scales;

@@ -34,11 +34,8 @@ inline SizingOptions preset_sizing(FieldPreset preset, bool rigged) {
   SizingOptions sizing;
   if (preset == FieldPreset::thesis)
     sizing.density = DensitySource::field;
-  else if (preset == FieldPreset::standard && rigged)
-    sizing.density = DensitySource::posed;
   else
-    sizing.density = DensitySource::uniform;
-  if (sizing.density == DensitySource::uniform) sizing.largest_aspect = 1;
+    sizing.density = preset == FieldPreset::standard && rigged ? DensitySource::posed : DensitySource::rest;
   return sizing;
 }
 
@@ -126,6 +123,12 @@ class Remesher {
   using Part = std::optional<Expected<ComponentResult>>;
   static constexpr double measured = 0.1, parts_done = 0.95;  // of the job
 
+  /// Those of the options, else every bone bent.
+  [[nodiscard]] std::span<const Pose> poses() {
+    if (!options_.poses.empty()) return options_.poses;
+    if (bends_.empty() && asset_.rig) bends_ = bend_poses(asset_.rig->skeleton, options_.bend_degrees);
+    return bends_;
+  }
   [[nodiscard]] bool sized() const { return sizing_.density != DensitySource::field; }
 
   /// Sizes and posed directions, once for the whole asset.
@@ -140,9 +143,9 @@ class Remesher {
         omega1.push_back(dominance->omega(f, 1));
       }
       if (options_.preset != FieldPreset::flat) {
-        fit_targets_.weight = joint_weights(omega1, sizing_.joint_weight);
+        slide_targets_.weight = joint_weights(omega1, sizing_.joint_weight);
         if (options_.directions.bones.value_or(1) > 0)
-          fit_targets_.direction = ruling_directions(*dominance, asset_.rig->skeleton);
+          slide_targets_.direction = ruling_directions(*dominance, asset_.rig->skeleton);
       }
     }
     if (context_.cancelled()) return cancelled_error("remesh");
@@ -177,16 +180,13 @@ class Remesher {
     const bool posed = sizing_.density == DensitySource::posed || options_.directions.posed > 0;
     if (!posed && sizing_.density != DensitySource::rest) return {};
     if (posed && asset_.rig) {
-      std::vector<Pose> bends;
-      if (options_.poses.empty()) bends = bend_poses(asset_.rig->skeleton, options_.bend_degrees);
-      const std::vector<Pose>& poses = options_.poses.empty() ? bends : options_.poses;
       PosedForms::Options form_options;
       form_options.pose_weights = options_.poses.empty() ? std::vector<double>{} : options_.pose_weights;
       Expected<PosedForms> forms =
-          PosedForms::create(mesh_, connection, asset_.rig->weights, poses, form_options, context_);
+          PosedForms::create(mesh_, connection, asset_.rig->weights, poses(), form_options, context_);
       if (!forms) return forms.error();
       sizes_.forms = std::move(*forms);
-      if (options_.fit.rounds > 0) fit_targets_.set_bending(connection, sizes_.forms, context_);
+      if (options_.fit.method == FitMethod::slide) slide_targets_.set_bending(connection, sizes_.forms, context_);
     } else {
       sizes_.forms = PosedForms::at_rest(mesh_, connection);
     }
@@ -325,19 +325,28 @@ class Remesher {
       const std::vector<char> placed = options_.before_fit(mesh_, held_, out);
       for (std::size_t v = 0; v < placed.size(); ++v) held_[v] = held_[v] || placed[v];
     }
-    if (options_.fit.rounds > 0) {
-      for (std::size_t v = 0; v < held_.size(); ++v) held_[v] = held_[v] || beside_[v];
-      (void)fit(mesh_, fit_targets_, std::move(held_), options_.fit, out, context_);
+    if (options_.fit.method == FitMethod::slide) {
+      std::vector<char> placed = held_;
+      for (std::size_t v = 0; v < placed.size(); ++v) placed[v] = placed[v] || beside_[v];
+      (void)slide(mesh_, slide_targets_, std::move(placed), options_.fit.slide, out, context_);
     }
     if (context_.cancelled()) return cancelled_error("fit");
-    result_.report.seconds.polish += watch.seconds();
-    watch = {};
+    FitMotion motion;
     if (asset_.rig) {
-      Expected<SkinWeights> weights = transfer_weights(mesh_, asset_.rig->weights, out.source, options_.influences);
-      if (!weights) return weights.error();
-      result_.weights = std::move(*weights);
+      motion.weights = &asset_.rig->weights;
+      motion.poses = poses();
+      if (!options_.poses.empty()) motion.pose_weights = options_.pose_weights;
+      motion.influences = options_.influences;
     }
-    result_.report.seconds.transfer += watch.seconds();
+    motion.morphs = options_.morphs;
+    Expected<FittedQuads> fitted =
+        fit(mesh_, std::move(out), motion, std::move(held_), options_.fit, context_, options_.solver.factory<double>());
+    if (!fitted) return fitted.error();
+    out = std::move(fitted->mesh);
+    result_.weights = std::move(fitted->weights);
+    result_.morphs = std::move(fitted->morphs);
+    result_.report.fit = fitted->report;
+    result_.report.seconds.fit += watch.seconds();
     return {};
   }
 
@@ -382,7 +391,8 @@ class Remesher {
   Context& context_;
   SizeField sizes_;
   std::optional<PosedMetric> metric_;
-  FitTargets fit_targets_;
+  SlideTargets slide_targets_;
+  std::vector<Pose> bends_;  // the poses, where none are given
   std::vector<std::vector<Index>> faces_;  // of each component
   std::vector<Part> parts_;
   std::vector<char> beside_;  // vertices of parts that have some beside the surface

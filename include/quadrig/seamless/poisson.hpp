@@ -2,13 +2,11 @@
 #pragma once
 
 #include "quadrig/energy.hpp"
+#include "quadrig/seamless/curl.hpp"
 #include "quadrig/seamless/unknowns.hpp"
 #include "quadrig/solver.hpp"
 
 namespace quadrig {
-
-/// The wanted parametrization: per half-edge its vector in the (combed) chart of its face. Sums to zero over a face.
-using TargetEdges = std::vector<Complex>;
 
 /// What is wrong with a map; valid when nothing is.
 struct MapDefects {

@@ -3,6 +3,7 @@
 
 #include "quadrig/connection.hpp"
 #include "quadrig/energy.hpp"
+#include "quadrig/seamless/curl.hpp"
 #include "quadrig/seamless/poisson.hpp"
 #include "quadrig/solver.hpp"
 
@@ -76,39 +77,25 @@ struct LogScaleReport {
     const bool merged = (index[at(v)] & 1) != 0 && !mesh.on_boundary(v);
     return merged ? 2 * v : 2 * v + ((component + cut.corner_rotation[at(corner)]) & 1);
   };
-  // Per face and component: mean |component of the gradient|², for weights relative to the wanted size.
-  std::vector<std::array<double, 2>> strength(at(m), {0, 0});
-  for (Index f = 0; f < m; ++f)
-    for (int c = 0; c < 2; ++c) {
-      double sum = 0;
-      for (Index h = 3 * f; h < 3 * f + 3; ++h) {
-        const double d = c == 0 ? target[at(h)].real() : target[at(h)].imag();
-        sum += d * d / std::max(static_cast<double>(mesh.edge_vector(h).squaredNorm()), 1e-300);
-      }
-      strength[at(f)][static_cast<std::size_t>(c)] = std::max(2 * sum / 3, 1e-300);
-    }
   const double total_area = mesh.total_area();
-  const RowTerm curl{
-      "curl", [&](EmitRow<double> emit) {
-        for (Index h = 0; h < mesh.halfedge_count(); ++h) {
-          const Index g = mesh.twin(h);
-          if (g < h) continue;
-          const Index f = h / 3, k = g / 3;
-          const Complex across = -rotated(target[at(g)], -cut.rotation[at(h)]);
-          for (int c = 0; c < 2; ++c) {
-            const int d = (c + cut.rotation[at(h)]) & 1;
-            const double p = c == 0 ? target[at(h)].real() : target[at(h)].imag();
-            const double q = c == 0 ? across.real() : across.imag();
-            const double scale =
-                (strength[at(f)][static_cast<std::size_t>(c)] + strength[at(k)][static_cast<std::size_t>(d)]) / 2;
-            const double mean = (p + q) / 6;
-            const std::array<Index, 6> where{variable(3 * f, c), variable(3 * f + 1, c), variable(3 * f + 2, c),
-                                             variable(3 * k, d), variable(3 * k + 1, d), variable(3 * k + 2, d)};
-            const std::array<double, 6> factor{mean, mean, mean, -mean, -mean, -mean};
-            emit({where, factor, q - p, 1.5 / ((mesh.area(f) + mesh.area(k)) * scale)});
-          }
-        }
-      }};
+  const auto rotation = [&](Index h) { return cut.rotation[at(h)]; };
+  // curl(e^a g) = 0, relative to |g|: ∇a × g / |g| = −curl g / |g|.
+  const auto emit_curl = [&](EmitRow<double> emit) {
+    detail::for_each_curl(mesh, target, rotation, [&](Index f, int component, const detail::CurlSample& sample) {
+      const Eigen::Vector2d& g = sample.gradient;
+      const double size = std::max(g.norm(), 1e-300);
+      std::array<Index, 3> where;
+      std::array<double, 3> factor;
+      for (int i = 0; i < 3; ++i) {
+        const Eigen::Vector2d& hat = sample.hats[at(i)];
+        where[at(i)] = variable(3 * f + i, component);
+        factor[at(i)] = (hat.x() * g.y() - hat.y() * g.x()) / size;
+      }
+      const double noise = 4 / std::sqrt(mesh.area(f));  // a turn over less than a triangle: of needles
+      emit({where, factor, -std::clamp(sample.curl / size, -noise, noise), static_cast<double>(mesh.area(f))});
+    });
+  };
+  const RowTerm curl{"curl", emit_curl};
   const RowTerm smooth{"smoothness", [&](EmitRow<double> emit) {
                          for (Index f = 0; f < m; ++f) {
                            const double area = mesh.area(f);
