@@ -2,5 +2,9 @@
 #include "quadrig/pipeline.hpp"
 
 #include "quadrig/fit/fit.ipp"
+#include "quadrig/pipeline/attempt.ipp"
 #include "quadrig/pipeline/component.ipp"
+#include "quadrig/pipeline/mapped_quads.ipp"
 #include "quadrig/pipeline/remesh.ipp"
+#include "quadrig/quads/integer_map.ipp"
+#include "quadrig/seamless/seamless_map.ipp"
