@@ -1,5 +1,9 @@
 // The one definition of the pipeline's large functions.
 #include "quadrig/pipeline.hpp"
 
+#include "quadrig/pipeline/attempt.ipp"
 #include "quadrig/pipeline/component.ipp"
+#include "quadrig/pipeline/mapped_quads.ipp"
 #include "quadrig/pipeline/remesh.ipp"
+#include "quadrig/quads/integer_map.ipp"
+#include "quadrig/seamless/seamless_map.ipp"

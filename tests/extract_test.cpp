@@ -1,5 +1,5 @@
 #include "map_shapes.hpp"
-#include "quadrig/pipeline/coarse_quads.hpp"
+#include "quadrig/quads/integer_map.hpp"
 #include "test.hpp"
 
 using namespace quadrig;
@@ -8,9 +8,6 @@ using namespace quadrig::test;
 namespace {
 
 using quadrig::detail::at;
-using quadrig::detail::CoarseQuadsSearch;
-using quadrig::detail::SurfaceTopology;
-using quadrig::detail::unlike;
 
 /// Everything from a field to the two grid maps.
 struct GridCase {
@@ -33,13 +30,11 @@ GridCase grid_case(FieldCase c, double quads) {
   TargetEdges target = map.target;
   const double factor = std::sqrt(integers.quads / target_area(target));
   for (Complex& d : target) d *= factor;
-  std::vector<K> x = solution.unknown;
-  PoissonOptions poisson;
-  poisson.fixed = map.unknowns.integer();
-  std::vector<Complex> z;
-  const auto report = solve_poisson<K>(c.mesh, map.unknowns, c.index(), target, poisson, x, z, context).value();
+  const HeldUnknowns<K> held{map.unknowns.integer(), solution.unknown};
+  const auto solved =
+      solve_poisson<K>(c.mesh, map.unknowns, c.index(), target, PoissonOptions{}, context, held).value();
   std::optional<GridMap> fine;
-  if (report.defects.valid()) fine = fixed_point_map<K>(c.mesh, c.cut, solution, z).value();
+  if (solved.report.defects.valid()) fine = fixed_point_map<K>(c.mesh, c.cut, solution, solved.z).value();
   return {std::move(c), std::move(map.z), std::move(coarse), std::move(integers), std::move(fine)};
 }
 GridCase grid_case(int which, double quads) {
@@ -227,17 +222,15 @@ TEST_CASE("coarse quads: where a handle is fewer than three quads around, rows a
     const GridCase c = grid_case<Complex>(std::move(field), 300);
     const SurfaceTopology surface(c.field.mesh);
     const std::vector<char> border = c.field.border();
-    const auto find = [&](double wanted, double most, std::vector<std::string>& reasons) {
-      StageSeconds seconds;
+    const auto find = [&](double wanted, double most) {
       Context context;
-      std::int64_t work = 16'000'000;
-      return CoarseQuadsSearch(c.coarse, c.field.index(), border, surface, seconds)
-          .find(wanted, 0.05, most, work, reasons, context);
+      Budget budget;
+      return IntegerSearch(c.coarse, c.field.index(), border, surface).find(wanted, 0.05, most, context, budget);
     };
     for (int wanted = 8; wanted <= 60; ++wanted) {  // at some of them the first count does not do
-      std::vector<std::string> reasons;
-      const auto found = find(wanted, 1000, reasons);
+      const auto found = find(wanted, 1000);
       REQUIRE(found);
+      const std::vector<std::string>& reasons = found->reasons;
       const auto n = static_cast<Index>(found->quads.vertices.size());
       CHECK(unlike(quad_topology(found->quads.quads, n), surface).empty());
       CHECK(found->quads.quads.rows() == static_cast<Eigen::Index>(std::lround(found->integers.quads)));
@@ -251,8 +244,7 @@ TEST_CASE("coarse quads: where a handle is fewer than three quads around, rows a
       CHECK(found->integers.quads > first.quads);
       widened += found->integers.quads < 1.5 * wanted;
     }
-    std::vector<std::string> reasons;
-    const auto too_many = find(300, 100, reasons);
+    const auto too_many = find(300, 100);
     REQUIRE(!too_many);
     CHECK(too_many.error().what.find("the map needs ") == 0);
   }

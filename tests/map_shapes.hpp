@@ -113,15 +113,16 @@ template <class K>
   Context context;
   SeamlessCase<K> out{MapUnknowns<K>::create(c.mesh, c.cut, c.index(), c.aligned).value(), {}, {}, false};
   out.target = target_edges(c.mesh, c.connection, c.cut, c.field.frames.u, c.field.frames.v);
-  (void)correct_log_scale(c.mesh, c.cut, c.index(), LogScaleOptions{}, out.target, context);
-  std::vector<K> x;
-  const PoissonReport report =
-      solve_poisson<K>(c.mesh, out.unknowns, c.index(), out.target, PoissonOptions{}, x, out.z, context).value();
-  out.valid = report.defects.valid();
-  if (!out.valid)
-    out.valid = untangle(c.mesh, c.cut, c.index(), c.aligned, out.target, UntangleOptions{}, out.z, context)
-                    .value()
-                    .defects.valid();
+  out.target = correct_log_scale(c.mesh, c.cut, c.index(), LogScaleOptions{}, out.target, context).value().target;
+  PoissonMap<K> solved =
+      solve_poisson<K>(c.mesh, out.unknowns, c.index(), out.target, PoissonOptions{}, context).value();
+  out.z = std::move(solved.z);
+  out.valid = solved.report.defects.valid();
+  if (out.valid) return out;
+  UntangledMap untangled =
+      untangle(c.mesh, c.cut, c.index(), c.aligned, out.target, UntangleOptions{}, std::move(out.z), context).value();
+  out.z = std::move(untangled.z);
+  out.valid = untangled.report.defects.valid();
   return out;
 }
 

@@ -58,6 +58,13 @@ double least(const QuadMesh& quads) {
   return worst;
 }
 
+/// Polishes in place.
+PolishReport polish_in_place(Rough& r, const PolishOptions& options, Context& context) {
+  PolishedQuads polished = polish(r.mesh, options, std::move(r.quads), context);
+  r.quads = std::move(polished.mesh);
+  return polished.report;
+}
+
 }  // namespace
 
 TEST_CASE("polish: never inverts, never makes the worst worse, stays on the surface", "[polish]") {
@@ -67,7 +74,7 @@ TEST_CASE("polish: never inverts, never makes the worst worse, stays on the surf
   const double before = least(r.quads);
   REQUIRE(before > 0);
   Context context;
-  const PolishReport report = polish(r.mesh, PolishOptions{}, r.quads, context);
+  const PolishReport report = polish_in_place(r, PolishOptions{}, context);
   CHECK(report.least_before == before);
   CHECK(report.least_after == least(r.quads));
   CHECK(report.least_after >= std::min(before, PolishOptions{}.accepted));
@@ -84,7 +91,7 @@ TEST_CASE("polish: border vertices stay on the border, its corners where they ar
   Rough r = rough(true, 0.9, 4);
   const Points<double> before = r.quads.positions;
   Context context;
-  (void)polish(r.mesh, PolishOptions{}, r.quads, context);
+  (void)polish_in_place(r, PolishOptions{}, context);
   const Grid coarse{12, 8};
   for (Index j = 0; j <= 8; ++j)
     for (Index i = 0; i <= 12; ++i) {
@@ -109,7 +116,7 @@ TEST_CASE("polish: an inverted quad is freed", "[polish]") {
   r.quads.positions.row(v) = position(r.mesh, r.quads.source[at(v)]).transpose();
   REQUIRE(least(r.quads) <= 0);
   Context context;
-  CHECK(polish(r.mesh, PolishOptions{}, r.quads, context).least_after > 0.5);
+  CHECK(polish_in_place(r, PolishOptions{}, context).least_after > 0.5);
 }
 
 TEST_CASE("polish: a quad that is folded over is poor, however even it is", "[polish]") {
@@ -122,7 +129,7 @@ TEST_CASE("polish: a quad that is folded over is poor, however even it is", "[po
   Context context;
   PolishOptions options;
   options.rounds = 0;
-  CHECK(polish(r.mesh, options, r.quads, context).least_after < 0.1);
+  CHECK(polish_in_place(r, options, context).least_after < 0.1);
 }
 
 TEST_CASE("polish: no rounds move nothing, and a cancelled call stops", "[polish]") {
@@ -131,9 +138,9 @@ TEST_CASE("polish: no rounds move nothing, and a cancelled call stops", "[polish
   Context context;
   PolishOptions none;
   none.rounds = 0;
-  CHECK(polish(r.mesh, none, r.quads, context).rounds == 0);
+  CHECK(polish_in_place(r, none, context).rounds == 0);
   CHECK((r.quads.positions - before).norm() == 0);
   std::atomic<bool> stop{true};
   context.cancel_flag = &stop;
-  CHECK(polish(r.mesh, PolishOptions{}, r.quads, context).rounds == 0);
+  CHECK(polish_in_place(r, PolishOptions{}, context).rounds == 0);
 }

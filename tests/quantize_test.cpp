@@ -182,11 +182,11 @@ TEST_CASE("quantize: a row that is added leaves valid integers", "[quantize]") {
   QuantizeOptions options;
   options.target_quads = 300;
   const Quantization from = quantize(c.map, c.field.index(), c.field.border(), options, context).value();
-  std::int64_t work = 1'000'000;
+  Budget budget = Budget().lend(Work::search, 1'000'000);
   const std::vector<Index> faces{0, c.map.face_count() / 2};
-  const auto wider = widened(c.map, c.field.index(), c.field.border(), options, from, faces, context, work);
+  const auto wider = widened(c.map, c.field.index(), c.field.border(), options, from, faces, context, budget);
   REQUIRE(!wider.empty());
-  CHECK(work < 1'000'000);
+  CHECK(budget.left(Work::search) < 1'000'000);
   double last = 0;
   for (const Quantization& q : wider) {
     std::int64_t twice = 0;
@@ -223,17 +223,17 @@ TEST_CASE("quantize: an answer when cancelled", "[quantize]") {
 TEST_CASE("quantize: work is counted, and where it is used up there is a valid answer or an error", "[quantize]") {
   const CoarseCase c = coarse_case(1, 0);
   Context context;
-  constexpr std::int64_t plenty = 1'000'000'000;
-  std::int64_t left = plenty;
-  REQUIRE(quantize(c.map, c.field.index(), c.field.border(), QuantizeOptions{}, context, &left));
-  const std::int64_t needed = plenty - left;
+  Budget plenty;
+  const std::int64_t full = plenty.left(Work::search);
+  REQUIRE(quantize(c.map, c.field.index(), c.field.border(), QuantizeOptions{}, context, plenty));
+  const std::int64_t needed = full - plenty.left(Work::search);
   CHECK(needed > 100);
-  CHECK(needed < QuantizeOptions{}.work);
+  CHECK(needed < full);
   Index answers = 0;
   for (const std::int64_t part : {needed / 2, needed / 10, std::int64_t{1}, std::int64_t{-1}}) {
-    left = part;
-    const auto q = quantize(c.map, c.field.index(), c.field.border(), QuantizeOptions{}, context, &left);
-    CHECK(left <= 0);
+    Budget budget = Budget().lend(Work::search, part);
+    const auto q = quantize(c.map, c.field.index(), c.field.border(), QuantizeOptions{}, context, budget);
+    CHECK(budget.spent(Work::search));
     if (!q) {
       CHECK(q.error().code == ErrorCode::stage_failed);
       continue;

@@ -247,11 +247,11 @@ TEST_CASE("seamless: a valid map has cones of 4 - I4 that sum to the surface's",
 TEST_CASE("seamless: correcting the lengths brings neighbours nearer and never turns them", "[seamless]") {
   const FieldCase c = field_case(closed_surface(0), 0, 0.12);
   Context context;
-  TargetEdges target = target_edges(c.mesh, c.connection, c.cut, c.field.frames.u, c.field.frames.v);
-  CHECK(target_area(target) == quadrig::test::Approx(c.mesh.total_area() / (0.12 * 0.12)));
-  const double before = target_curl(c.mesh, c.cut, target);
-  const TargetEdges original = target;
-  REQUIRE(correct_log_scale(c.mesh, c.cut, c.index(), LogScaleOptions{}, target, context));
+  const TargetEdges original = target_edges(c.mesh, c.connection, c.cut, c.field.frames.u, c.field.frames.v);
+  CHECK(target_area(original) == quadrig::test::Approx(c.mesh.total_area() / (0.12 * 0.12)));
+  const double before = target_curl(c.mesh, c.cut, original);
+  const TargetEdges target =
+      correct_log_scale(c.mesh, c.cut, c.index(), LogScaleOptions{}, original, context).value().target;
   CHECK(target_curl(c.mesh, c.cut, target) < 0.9 * before);
   for (std::size_t h = 0; h < target.size(); ++h) {
     CHECK(target[h].real() * original[h].real() >= 0);
@@ -271,8 +271,7 @@ TEST_CASE("seamless: straightening turns edges less, stretches them more and kee
     PoissonOptions options;
     options.straightenings = straightenings;
     options.stretching = stretching;
-    std::vector<Complex> x, z;
-    const auto report = solve_poisson<Complex>(c.mesh, unknowns, c.index(), target, options, x, z, context).value();
+    const auto [x, z, report] = solve_poisson<Complex>(c.mesh, unknowns, c.index(), target, options, context).value();
     CHECK(report.defects.valid());
     CHECK(report.straightenings == straightenings);
     double turn = 0, stretch = 0;
@@ -319,20 +318,17 @@ TEST_CASE("seamless: every system is solved by the backend that is asked for", "
   const auto unknowns = MapUnknowns<double>::create(c.mesh, c.cut, c.index(), c.aligned).value();
   PoissonOptions poisson;
   poisson.solver = counted;
-  std::vector<double> x;
-  std::vector<Complex> z;
-  CHECK(solve_poisson<double>(c.mesh, unknowns, c.index(), target, poisson, x, z, context).value().backend == "eigen");
+  const auto solved = solve_poisson<double>(c.mesh, unknowns, c.index(), target, poisson, context).value();
+  CHECK(solved.report.backend == "eigen");
   CHECK(made == 2);
   const auto complex_unknowns = MapUnknowns<Complex>::create(c.mesh, c.cut, c.index(), c.aligned).value();
-  std::vector<Complex> complex_x;
-  CHECK(solve_poisson<Complex>(c.mesh, complex_unknowns, c.index(), target, poisson, complex_x, z, context)
-            .value()
-            .backend == "supernodal, nested dissection");
+  CHECK(solve_poisson<Complex>(c.mesh, complex_unknowns, c.index(), target, poisson, context).value().report.backend ==
+        "supernodal, nested dissection");
   poisson.solver = refused;
-  CHECK(solve_poisson<double>(c.mesh, unknowns, c.index(), target, poisson, x, z, context).error().what ==
-        refusal.what);
+  CHECK(solve_poisson<double>(c.mesh, unknowns, c.index(), target, poisson, context).error().what == refusal.what);
 
   // A regular vertex thrown far off leaves flips for untangling.
+  std::vector<Complex> z = solved.z;
   Index v = 0;
   while (c.index()[quadrig::detail::at(v)] != 0) ++v;
   Index h = c.mesh.outgoing(v);
@@ -343,20 +339,18 @@ TEST_CASE("seamless: every system is solved by the backend that is asked for", "
   } while (h != start);
   UntangleOptions untangling;
   untangling.solver = refused.factory<double>();
-  std::vector<Complex> copy = z;
-  CHECK(untangle(c.mesh, c.cut, c.index(), c.aligned, target, untangling, copy, context).error().what == refusal.what);
+  CHECK(untangle(c.mesh, c.cut, c.index(), c.aligned, target, untangling, z, context).error().what == refusal.what);
   untangling.solver = counted.factory<double>();
-  CHECK(untangle(c.mesh, c.cut, c.index(), c.aligned, target, untangling, z, context).value().backend == "eigen");
+  CHECK(untangle(c.mesh, c.cut, c.index(), c.aligned, target, untangling, z, context).value().report.backend ==
+        "eigen");
   CHECK(made >= 3);
 
-  FieldSurgery refusing(c.mesh, c.field.frames, c.field.matching, c.field.singularities, {}, 1,
-                        refused.factory<double>());
+  FieldSurgery refusing(c.mesh, c.field, 1, refused.factory<double>());
   CHECK(refusing.apply({}, context).ok());  // nothing to solve
   refusing.move_unit(start);
   CHECK(refusing.apply({}, context).error().what == refusal.what);
   made = 0;
-  FieldSurgery surgery(c.mesh, c.field.frames, c.field.matching, c.field.singularities, {}, 1,
-                       counted.factory<double>());
+  FieldSurgery surgery(c.mesh, c.field, 1, counted.factory<double>());
   CHECK(surgery.backend() == "");
   surgery.move_unit(start);
   REQUIRE(surgery.apply({}, context).ok());
@@ -365,24 +359,24 @@ TEST_CASE("seamless: every system is solved by the backend that is asked for", "
 }
 
 TEST_CASE("surgery: pairs that do not even out sizes go, and no others", "[seamless]") {
-  FieldCase c = field_case(closed_surface(1), 1, 0.12);
+  const FieldCase c = field_case(closed_surface(1), 1, 0.12);
   Context context;
   ScaleEnergy energy(c.mesh);
-  const auto sum = [&] { return std::accumulate(c.index().begin(), c.index().end(), Index{0}); };
+  FieldSurgery surgery(c.mesh, c.field);
+  const auto index4 = [&]() -> const std::vector<Index>& { return surgery.field().singularities.index4; };
+  const auto sum = [&] { return std::accumulate(index4().begin(), index4().end(), Index{0}); };
   const Index whole = sum();
-  FieldSurgery surgery(c.mesh, c.field.frames, c.field.matching, c.field.singularities);
   surgery.cancel_needless(0.5, context);
   CHECK(surgery.cancel_needless(0.5, context) == 0);
   // A pair made by hand on regular vertices side by side varies the sizes, and goes again.
-  const double before = energy(c.index());
-  const std::vector<Index> index = c.index();
+  const double before = energy(index4());
   Index h = 0;
-  while (c.index()[quadrig::detail::at(c.mesh.origin(h))] != 0 || c.index()[quadrig::detail::at(c.mesh.target(h))] != 0)
+  while (index4()[quadrig::detail::at(c.mesh.origin(h))] != 0 || index4()[quadrig::detail::at(c.mesh.target(h))] != 0)
     ++h;
   surgery.move_unit(h);
-  CHECK(energy(c.index()) > before);
+  CHECK(energy(index4()) > before);
   CHECK(surgery.cancel_needless(0.5, context) >= 1);
-  CHECK(energy(c.index()) <= before * (1 + 1e-9));
+  CHECK(energy(index4()) <= before * (1 + 1e-9));
   CHECK(sum() == whole);
   CHECK(surgery.apply({}, context).ok());
 }
@@ -401,17 +395,21 @@ TEST_CASE("untangle: without work left nothing is moved", "[seamless]") {
   } while (h != start);
   const std::vector<Complex> tangled = map.z;
   Context context;
-  UntangleOptions options;
-  options.most = 0;
-  const UntangleReport none =
-      untangle(c.mesh, c.cut, c.index(), c.aligned, map.target, options, map.z, context).value();
-  CHECK(none.work == 0);
-  CHECK_FALSE(none.defects.valid());
-  CHECK(map.z == tangled);
-  const UntangleReport some =
-      untangle(c.mesh, c.cut, c.index(), c.aligned, map.target, UntangleOptions{}, map.z, context).value();
-  CHECK(some.work > 0);
-  CHECK(some.defects.valid());
+  const auto untangled = [&](Budget& budget) {
+    return untangle(c.mesh, c.cut, c.index(), c.aligned, map.target, UntangleOptions{}, tangled, context, budget)
+        .value();
+  };
+  Budget spent = Budget().lend(Work::untangling, 0);
+  const UntangledMap none = untangled(spent);
+  CHECK(none.report.work == 0);
+  CHECK_FALSE(none.report.defects.valid());
+  CHECK(none.z == tangled);
+  Budget budget;
+  const std::int64_t before = budget.left(Work::untangling);
+  const UntangledMap some = untangled(budget);
+  CHECK(some.report.work > 0);
+  CHECK(before - budget.left(Work::untangling) == some.report.work);
+  CHECK(some.report.defects.valid());
 }
 
 TEST_CASE("untangle: flips made by hand are undone and transitions kept", "[seamless]") {
@@ -434,9 +432,10 @@ TEST_CASE("untangle: flips made by hand are undone and transitions kept", "[seam
   REQUIRE(check_map(c.mesh, c.index(), map.z).flips > 0);
   const std::vector<Complex> before = map.z;
   Context context;
-  const UntangleReport report =
+  UntangledMap untangled =
       untangle(c.mesh, c.cut, c.index(), c.aligned, map.target, UntangleOptions{}, map.z, context).value();
-  CHECK(report.defects.valid());
+  map.z = std::move(untangled.z);
+  CHECK(untangled.report.defects.valid());
   CHECK(check_map(c.mesh, c.index(), map.z).valid());
   for (Index h = 0; h < c.mesh.halfedge_count(); ++h) {
     const Index g = c.mesh.twin(h);

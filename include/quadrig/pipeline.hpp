@@ -1,6 +1,9 @@
 // The whole way: a rigged triangle mesh in, quads that follow the rig out, with a report of every stage.
 #pragma once
 
+#include <functional>
+#include <numbers>
+
 #include "quadrig/asset.hpp"
 #include "quadrig/field.hpp"
 #include "quadrig/fit.hpp"
@@ -10,12 +13,46 @@
 
 namespace quadrig {
 
-/// Where the directions of the quads come from, beside smoothness.
+/// A direction along or across which the quads run on a face of the asset's mesh.
+struct FaceDirection {
+  Index face = no_index;
+  Vector3 direction = Vector3::Zero();  ///< its part in the plane of the face counts, its length does not
+  double weight = 1;                    ///< against smoothness; that of a bone is 1. Infinity: exactly so
+};
+
+/// Terms of the caller's own in the energies of x0 and x1, one unknown a face.
+struct OwnTerms {
+  std::vector<AnyTerm<Complex>> x0, x1;
+};
+
+/// Where the directions of the quads come from, beside smoothness. What the caller gives is of no matter to the thesis
+/// preset.
 struct DirectionOptions {
   std::optional<double> bones;      ///< pull of the bones; unset: the preset's
   std::optional<double> curvature;  ///< pull of the rest curvature; unset: the preset's
   double posed = 0;                 ///< pull of the posed curvature metric
+  /// Directions on some faces, or, as `face_directions` makes them of a field, on all.
+  std::vector<FaceDirection> own;
+  /// Asked for terms on each triangulation that a field is designed on, from any thread: the mesh, its connection, and
+  /// of each face the face of the asset's mesh that it is part of or stands for. Has to give the same whenever asked.
+  std::function<OwnTerms(const TriangleMesh<double>& mesh, const Connection<double>& connection,
+                         std::span<const Index> parent)>
+      terms;
 };
+
+/// The directions of a field on its mesh, exactly so: what makes `remesh` follow a field of one's own.
+[[nodiscard]] inline std::vector<FaceDirection> face_directions(
+    const Connection<double>& connection, const FrameField& frames,
+    double weight = std::numeric_limits<double>::infinity()) {
+  std::vector<FaceDirection> directions;
+  for (Index f = 0; f < frames.face_count(); ++f) {
+    const Complex u = frames.u[detail::at(f)], v = frames.v[detail::at(f)];
+    // An arm of the cross that the two vectors bisect.
+    directions.push_back(
+        {f, connection.to_vector(f, std::polar(1.0, bisector_angle(u, v) - std::numbers::pi / 4)), weight});
+  }
+  return directions;
+}
 
 struct RemeshOptions {
   Index quads = 2000;  ///< wanted; see RemeshReport::minimum_count for surfaces that need more
@@ -33,7 +70,7 @@ struct RemeshOptions {
   double count_tolerance = 0.05;
   Index influences = 4;  ///< most skin weights a vertex of the quads keeps
   /// Edges that bend more than this become edges of quads, radians, where they run on; π: none.
-  double crease_angle_radians = 3.14159265358979323846;
+  double crease_angle_radians = std::numbers::pi;
   /// Half-edges of the asset's mesh, one of a pair is enough, that become edges of quads: borders of materials or
   /// texture islands (`label_borders`), whatever the caller wants to find again.
   std::vector<Index> features;
@@ -124,6 +161,8 @@ struct RemeshResult {
 }  // namespace quadrig
 
 #if !defined(QUADRIG_COMPILED)
+#include "quadrig/pipeline/attempt.ipp"
 #include "quadrig/pipeline/component.ipp"
+#include "quadrig/pipeline/mapped_quads.ipp"
 #include "quadrig/pipeline/remesh.ipp"
 #endif

@@ -12,6 +12,9 @@ struct PolishOptions {
   double accepted = 0.6;  ///< a move may not push a scaled Jacobian below this, or below what it was
   double freed = 0.3;     ///< patches around quads below this are evened out, and the rounds repeated
   double wanted = 0.5;    ///< vertices of quads below this are also searched for a better place
+
+  /// \fails bad_option, naming the field
+  [[nodiscard]] Status validate() const;
 };
 
 struct PolishReport {
@@ -20,13 +23,18 @@ struct PolishReport {
   int rounds = 0;
 };
 
+struct PolishedQuads {
+  QuadMesh mesh;
+  PolishReport report;
+};
+
 /// Moves vertices along the source surface; border vertices along the border, those on kept edges along these, corners
 /// of either not at all. Every vertex stays on the surface and `source` follows.
 /// \param kept marks of the mesh, or empty: none
 /// \pre quads.source has one point a vertex; border vertices lie on the border of the mesh
 /// \cost O(rounds · quads) closest-point walks. Source: shape projection (Bouaziz et al. 2012) onto rectangles.
-[[nodiscard]] QUADRIG_INLINE PolishReport polish(const TriangleMesh<double>& mesh, const PolishOptions& options,
-                                                 QuadMesh& quads, Context& context, const EdgeMarks& kept = {});
+[[nodiscard]] QUADRIG_INLINE PolishedQuads polish(const TriangleMesh<double>& mesh, const PolishOptions& options,
+                                                  QuadMesh quads, Context& context, const EdgeMarks& kept = {});
 
 }  // namespace quadrig
 

@@ -1,6 +1,7 @@
 // Integers that cannot collapse: edge vectors in Z[i] on the coarse map, every triangle positive and every cone right.
 #pragma once
 
+#include "quadrig/budget.hpp"
 #include "quadrig/quantize/quantizer.hpp"
 
 namespace quadrig {
@@ -9,8 +10,6 @@ struct QuantizeOptions {
   double target_quads = 2000;
   double tolerance = 0.05;  ///< of the count
   int rounds = 9;           ///< rescalings towards the count; the closest is kept
-  /// Nodes that may be searched, over all rounds: about a quarter of a second a million. Then the best so far is taken.
-  std::int64_t work = 16'000'000;
 };
 
 /// Integer edge vectors on a coarse map: opposite-consistent, closed over every triangle, positively oriented.
@@ -35,12 +34,12 @@ inline constexpr double most_pitch = 1.5;  // quads beside its beginning that a 
 }  // namespace detail
 
 /// Quantizes a coarse map at the size that gives `target_quads`.
-/// \param work where not null: what may be searched in place of `options.work`; what was is taken off
-/// \fails stage_failed where no start is valid at any size tried, or none was found within that work; cancelled.
-/// \cost a Dijkstra search a row moved, on the coarse map only.
+/// \fails stage_failed where no start is valid at any size tried, or none was found within the budget; cancelled.
+/// \cost a Dijkstra search a strip moved, on the coarse map only, within the budget for the search: where that is spent
+///   the best so far is taken.
 [[nodiscard]] inline Expected<Quantization> quantize(const CoarseMap& map, const std::vector<Index>& index,
                                                      const std::vector<char>& on_border, const QuantizeOptions& options,
-                                                     Context& context, std::int64_t* work = nullptr) {
+                                                     Context& context, Budget& budget) {
   double scale = std::sqrt(options.target_quads / detail::area_of(map)), best_scale = scale;
   const std::vector<detail::Ring> rings = detail::near_rings(map, 1 / scale, detail::most_pitch);
   std::optional<Quantization> best;
@@ -48,10 +47,10 @@ inline constexpr double most_pitch = 1.5;  // quads beside its beginning that a 
   std::pair<double, double> best_rank;
   double below = 0, above = 0;  // scales that gave too few and too many
   int waited = 0;
-  std::int64_t left = work ? *work : options.work;
+  std::int64_t left = budget.left(Work::search);
   const auto spend = [&](std::int64_t effort) {
     left -= effort;
-    if (work) *work = left;
+    budget.spend(Work::search, effort);
   };
   for (int round = 0; round < options.rounds && waited < 4; ++round) {
     if (best && left <= 0) break;
@@ -137,25 +136,32 @@ inline constexpr double most_pitch = 1.5;  // quads beside its beginning that a 
   return *best;
 }
 
-/// Integers with one row of quads more through one of the faces, those first that differ least from the map.
+/// With a budget of its own.
+[[nodiscard]] inline Expected<Quantization> quantize(const CoarseMap& map, const std::vector<Index>& index,
+                                                     const std::vector<char>& on_border, const QuantizeOptions& options,
+                                                     Context& context) {
+  Budget budget;
+  return quantize(map, index, on_border, options, context, budget);
+}
+
+/// Integers with one strip of quads more through one of the faces, those first that differ least from the map.
 /// \pre `from` are integers of the map for these options
-/// \param work what may be searched; what was is taken off
-/// \cost a Dijkstra search for each direction of each edge of the faces.
+/// \cost a Dijkstra search for each direction of each edge of the faces, within the budget for the search.
 [[nodiscard]] inline std::vector<Quantization> widened(const CoarseMap& map, const std::vector<Index>& index,
                                                        const std::vector<char>& on_border,
                                                        const QuantizeOptions& options, const Quantization& from,
                                                        std::span<const Index> faces, const Context& context,
-                                                       std::int64_t& work) {
+                                                       Budget& budget) {
   const double scale = std::sqrt(options.target_quads / detail::area_of(map));
   const std::vector<detail::Ring> rings = detail::near_rings(map, 1 / scale, detail::most_pitch);
-  detail::Quantizer quantizer(map, index, on_border, rings, scale, work);
+  detail::Quantizer quantizer(map, index, on_border, rings, scale, budget.left(Work::search));
   quantizer.resume(from.edge);
   std::vector<Quantization> wider;
   for (std::vector<Gaussian>& edges : quantizer.rows_through(faces, context)) {
     quantizer.resume(edges);
     wider.push_back({std::move(edges), quantizer.quads(), from.start_scale, quantizer.energy(), from.moves + 1});
   }
-  work -= quantizer.effort();
+  budget.spend(Work::search, quantizer.effort());
   return wider;
 }
 

@@ -1,14 +1,18 @@
 // The seamless map: charts cut open, constraints built in exactly, a Poisson solve that ends without flips.
 //
-//   cut_graph   combs the frames and cuts the surface to a disc; each corner's chart relative to its vertex
-//   unknowns    transitions, cones and straight borders eliminated over Z[i] or Z; what remains is free
-//   target      wanted parameter vectors from a frame field, made more nearly integrable by correcting lengths
-//   poisson     the map nearest to the target, stiffened until no triangle flips and every cone is right
-//   untangle    the last flips taken out where they are
+//   seamless_map   the arrow: a field with sizes in, the map with its report out
+//   cut_graph      combs the frames and cuts the surface to a disc; each corner's chart relative to its vertex
+//   aligned_edges  where the map has to be straight: along the border and along edges that are kept
+//   unknowns       transitions, cones and straight borders eliminated over Z[i] or Z; what remains is free
+//   target         wanted parameter vectors from a frame field, made more nearly integrable by correcting lengths
+//   poisson        the map nearest to the target, stiffened until no triangle flips and every cone is right
+//   untangle       the last flips taken out where they are
 #pragma once
 
+#include "quadrig/seamless/aligned_edges.hpp"
 #include "quadrig/seamless/cut_graph.hpp"
 #include "quadrig/seamless/poisson.hpp"
+#include "quadrig/seamless/seamless_map.hpp"
 #include "quadrig/seamless/target.hpp"
 #include "quadrig/seamless/unknowns.hpp"
 #include "quadrig/seamless/untangle.hpp"

@@ -59,16 +59,17 @@ struct SizeField {
   double largest_aspect = 1;
 };
 
-/// Gives each frame the line densities (per unit length) of the size field at `quads` on `area`: the side ratio that
+/// The frames with the line densities (per unit length) of the size field at `quads` on `area`: the side ratio that
 /// leaves the least error along the frame's own directions, smoothed along the surface.
 /// \param parent face of the size field's mesh that each face of `mesh` is part of
 /// \pre forms, where not empty, belong to `parent_connection`
 /// \cost one sparse factorization of two unknowns a face.
-[[nodiscard]] inline Status apply_sizes(const TriangleMesh<double>& mesh, const Connection<double>& connection,
-                                        const SizeField& sizes, const Connection<double>& parent_connection,
-                                        std::span<const Index> parent, double quads, double area,
-                                        const Matching& matching, FrameField& frames, Context& context,
-                                        const SolverFactory<double>& factory = solver_factory<double>()) {
+[[nodiscard]] inline Expected<FrameField> apply_sizes(const TriangleMesh<double>& mesh,
+                                                      const Connection<double>& connection, const SizeField& sizes,
+                                                      const Connection<double>& parent_connection,
+                                                      std::span<const Index> parent, double quads, double area,
+                                                      const Matching& matching, FrameField frames, Context& context,
+                                                      const SolverFactory<double>& factory = solver_factory<double>()) {
   const auto m = static_cast<std::size_t>(mesh.face_count());
   const double mean = quads / area;
   DensityTargets wanted{std::vector<double>(m), std::vector<double>(m), std::vector<double>(m, 1.0)};
@@ -111,7 +112,7 @@ struct SizeField {
   if (!smooth) return smooth.error();
   if (context.cancelled()) return cancelled_error("sizes");
   apply_densities(frames, *smooth, 0, std::numeric_limits<double>::infinity());
-  return {};
+  return frames;
 }
 
 }  // namespace quadrig

@@ -6,41 +6,42 @@
 #include <span>
 #include <unordered_map>
 
-#include "quadrig/field/matching.hpp"
+#include "quadrig/field.hpp"
 #include "quadrig/field/scale_energy.hpp"
 
 namespace quadrig {
 
 /// Changes a field's singularities where the map cannot take them. Paths of half-edges are gathered, then `apply`
-/// turns the frames; the matching is updated and never rounded again.
+/// turns the frames; the matching is updated and never rounded again, and the report counts what is there.
 class FieldSurgery {
  public:
-  /// \param pull of each face, how strongly its direction was asked for (FieldResult::pull), or empty: frames that are
-  ///   turned come back to it over `reach`, a length
-  FieldSurgery(const TriangleMesh<double>& mesh, FrameField& frames, Matching& matching, Singularities& singularities,
-               std::span<const double> pull = {}, double reach = 1,
-               SolverFactory<double> factory = solver_factory<double>())
+  /// Takes the field; `field` and `release` give it back. Keeps a reference to the mesh.
+  /// \param reach a length: over so much frames that are turned come back to the directions that were asked for
+  ///   (FieldResult::pull)
+  explicit FieldSurgery(const TriangleMesh<double>& mesh, FieldResult field, double reach = 1,
+                        SolverFactory<double> factory = solver_factory<double>())
       : mesh_(mesh),
-        frames_(frames),
-        matching_(matching),
-        singularities_(singularities),
-        pull_(pull),
+        field_(std::move(field)),
         reach_(reach),
         factory_(std::move(factory)),
         change_(at(mesh.halfedge_count()), 0.0) {}
+
+  /// The field as it is: its frames agree with its matching once `apply` has turned them.
+  [[nodiscard]] const FieldResult& field() const { return field_; }
+  [[nodiscard]] FieldResult release() && { return std::move(field_); }
 
   /// One unit of I4 goes from the origin of the half-edge to its target.
   void move_unit(Index h) {
     constexpr double quarter = std::numbers::pi / 2;
     const Index g = mesh_.twin(h);
-    ++matching_.r[at(h)];
-    --matching_.r[at(g)];
-    for (std::vector<double>* angle : {&matching_.rho, &change_}) {
+    ++field_.matching.r[at(h)];
+    --field_.matching.r[at(g)];
+    for (std::vector<double>* angle : {&field_.matching.rho, &change_}) {
       (*angle)[at(h)] -= quarter;
       (*angle)[at(g)] += quarter;
     }
-    --singularities_.index4[at(mesh_.origin(h))];
-    ++singularities_.index4[at(mesh_.target(h))];
+    --field_.singularities.index4[at(mesh_.origin(h))];
+    ++field_.singularities.index4[at(mesh_.target(h))];
     ++moves_;
   }
 
@@ -123,7 +124,7 @@ class FieldSurgery {
       for (const Index v : ends) part.push_back(whole[at(v)]);
       return part;
     };
-    std::vector<double> load = energy.load(singularities_.index4), response;
+    std::vector<double> load = energy.load(field_.singularities.index4), response;
     if (!energy.respond(load, response)) return 0;
     std::vector<double> at_ends = only_ends(response);
     std::vector<std::vector<double>> between;
@@ -203,7 +204,9 @@ class FieldSurgery {
         pinned = true;
       }
     if (turned_.empty()) turned_.assign(at(m), 0.0);
-    const auto asked = [&](Index f) { return pull_.empty() ? 0.0 : pull_[at(f)] * mesh_.area(f) / (reach_ * reach_); };
+    const auto asked = [&](Index f) {
+      return field_.pull.empty() ? 0.0 : field_.pull[at(f)] * mesh_.area(f) / (reach_ * reach_);
+    };
     double asking = 0;
     for (Index f = 0; f < m; ++f) asking += asked(f);
     if (!pinned && !(asking > 1e-6)) form.fix(0, 0.0);
@@ -233,14 +236,26 @@ class FieldSurgery {
     for (Index f = 0; f < m; ++f) {
       turned_[at(f)] += delta[at(f)];
       const Complex rotation = std::polar(1.0, delta[at(f)]);
-      frames_.u[at(f)] *= rotation;
-      frames_.v[at(f)] *= rotation;
+      field_.frames.u[at(f)] *= rotation;
+      field_.frames.v[at(f)] *= rotation;
+      if (field_.polynomial.x0.empty()) continue;
+      const Complex squared = rotation * rotation;  // x1 = −(u² + v²), x0 = u² v²
+      field_.polynomial.x1[at(f)] *= squared;
+      field_.polynomial.x0[at(f)] *= squared * squared;
     }
     for (Index h = 0; h < mesh_.halfedge_count(); ++h)
-      if (const Index g = mesh_.twin(h); g != no_index) matching_.rho[at(h)] += delta[at(h / 3)] - delta[at(g / 3)];
-    singularities_.plus = singularities_.minus = 0;
+      if (const Index g = mesh_.twin(h); g != no_index)
+        field_.matching.rho[at(h)] += delta[at(h / 3)] - delta[at(g / 3)];
+    field_.singularities.plus = field_.singularities.minus = 0;
     for (Index v = 0; v < mesh_.vertex_count(); ++v)
-      if (interior(v) && index(v) != 0) ++(index(v) > 0 ? singularities_.plus : singularities_.minus);
+      if (interior(v) && index(v) != 0) ++(index(v) > 0 ? field_.singularities.plus : field_.singularities.minus);
+    field_.singularities.boundary = 0;
+    for (Index v = 0; v < mesh_.vertex_count(); ++v)
+      field_.singularities.boundary += mesh_.outgoing(v) != no_index && mesh_.on_boundary(v) && index(v) != 0;
+    FieldReport& report = field_.report;
+    report.singularities_plus = field_.singularities.plus;
+    report.singularities_minus = field_.singularities.minus;
+    report.singularities_boundary = field_.singularities.boundary;
     return {};
   }
   /// What solved the last of these systems, in words; empty before.
@@ -334,7 +349,7 @@ class FieldSurgery {
   /// Moves the units of an inner vertex to places around it.
   Index scatter(Index v, double spread, ScaleEnergy& energy) {
     double least = 0;
-    std::vector<Index> base = singularities_.index4;
+    std::vector<Index> base = field_.singularities.index4;
     base[at(v)] = 0;
     const std::vector<Index> chosen = roomiest(v, index(v), spread, std::move(base), energy, least);
     for (const Index w : chosen) carry(v, w);
@@ -424,7 +439,7 @@ class FieldSurgery {
   }
 
   [[nodiscard]] static std::size_t at(Index i) { return detail::at(i); }
-  [[nodiscard]] Index index(Index v) const { return singularities_.index4[at(v)]; }
+  [[nodiscard]] Index index(Index v) const { return field_.singularities.index4[at(v)]; }
   [[nodiscard]] bool interior(Index v) const { return mesh_.outgoing(v) != no_index && !mesh_.on_boundary(v); }
 
   /// The half-edge from v to the inner neighbour with the least cost.
@@ -520,10 +535,7 @@ class FieldSurgery {
   }
 
   const TriangleMesh<double>& mesh_;
-  FrameField& frames_;
-  Matching& matching_;
-  Singularities& singularities_;
-  std::span<const double> pull_;
+  FieldResult field_;
   double reach_;
   SolverFactory<double> factory_;
   std::string backend_;

@@ -1,10 +1,16 @@
-// One connected component through the map: the ladder of attempts that ends at the first valid mesh.
+// One connected component to quads: the ladder of attempts that ends at the first good mesh.
 #pragma once
 
 #include "quadrig/pipeline.hpp"
 #include "quadrig/prepare.hpp"
 
 namespace quadrig::detail {
+
+/// Directions of the caller's own, by face of the asset's mesh.
+struct OwnDirections {
+  std::vector<Vector3> direction;  ///< zero: none
+  std::vector<double> weight;      ///< infinity: exactly so
+};
 
 /// What all components of an asset share.
 struct RemeshShared {
@@ -15,6 +21,10 @@ struct RemeshShared {
   const SizeField* sizes = nullptr;     ///< null: the field's own magnitudes
   const PosedMetric* metric = nullptr;  ///< null: no posed directions
   const EdgeMarks& kept;                ///< of the asset's mesh
+  const OwnDirections* own = nullptr;   ///< null: the caller gives none
+
+  /// Whether the caller asks for directions that no other option names.
+  [[nodiscard]] bool asks_for_directions() const { return own || options.directions.terms; }
 };
 
 struct ComponentResult {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "quadrig/constraints/features.hpp"
+#include "quadrig/pipeline.hpp"
 #include "quadrig/pipeline/piece.hpp"
 
 namespace quadrig::detail {
@@ -9,7 +10,7 @@ namespace quadrig::detail {
 /// Creases and the caller's edges as marks of the asset's mesh; empty where there are none.
 [[nodiscard]] inline EdgeMarks kept_edges(const TriangleMesh<double>& mesh, const RemeshOptions& options) {
   std::vector<Index> halfedges = options.features;
-  if (options.crease_angle_radians < 3.14) {
+  if (options.crease_angle_radians < std::numbers::pi) {
     // A noisy scan bends sharply at many single edges; a crease runs on.
     const Components components = face_components(mesh);
     std::vector<double> area(at(components.count), 0.0);

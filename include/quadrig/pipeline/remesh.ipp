@@ -24,6 +24,7 @@ QUADRIG_INLINE Status RemeshOptions::validate() const {
   if (!(crease_angle_radians > 0)) return bad("crease_angle_radians", "not positive", "give an angle in radians");
   if (!(directions.posed >= 0)) return bad("directions.posed", "negative", "give 0 or more");
   if (const Status status = fit.validate(); !status.ok()) return status;
+  if (const Status status = polish.validate(); !status.ok()) return status;
   return sizing ? sizing->validate() : Status{};
 }
 
@@ -131,6 +132,18 @@ class Remesher {
   }
   [[nodiscard]] bool sized() const { return sizing_.density != DensitySource::field; }
 
+  [[nodiscard]] OwnDirections own_directions() const {
+    OwnDirections own;
+    if (options_.directions.own.empty()) return own;
+    own.direction.assign(at(mesh_.face_count()), Vector3::Zero());
+    own.weight.assign(at(mesh_.face_count()), 0.0);
+    for (const FaceDirection& each : options_.directions.own) {
+      own.direction[at(each.face)] = each.direction;
+      own.weight[at(each.face)] = each.weight;
+    }
+    return own;
+  }
+
   /// Sizes and posed directions, once for the whole asset.
   [[nodiscard]] Status measure(const Connection<double>& connection) {
     const Stopwatch watch;
@@ -215,8 +228,15 @@ class Remesher {
     const std::vector<double> due = quads_due(share, options_.quads);
     if (context_.cancelled()) return cancelled_error("remesh");
     const EdgeMarks kept = kept_edges(mesh_, options_);
-    const RemeshShared shared{
-        asset_, connection, options_, sizing_, sized() ? &sizes_ : nullptr, metric_ ? &*metric_ : nullptr, kept};
+    const OwnDirections given = own_directions();
+    const RemeshShared shared{asset_,
+                              connection,
+                              options_,
+                              sizing_,
+                              sized() ? &sizes_ : nullptr,
+                              metric_ ? &*metric_ : nullptr,
+                              kept,
+                              given.direction.empty() ? nullptr : &given};
     // Progress is for the caller's thread: that of the parts it remeshes, and the faces of those that are done.
     const std::thread::id caller = std::this_thread::get_id();
     std::atomic<Index> done{0};

@@ -292,9 +292,21 @@ class Polisher {
 
 }  // namespace detail
 
-QUADRIG_INLINE PolishReport polish(const TriangleMesh<double>& mesh, const PolishOptions& options, QuadMesh& quads,
-                                   Context& context, const EdgeMarks& kept) {
-  return detail::Polisher(mesh, options, kept, quads).run(context);
+QUADRIG_INLINE Status PolishOptions::validate() const {
+  const auto bad = [](std::string field, std::string remedy) {
+    return Error{ErrorCode::bad_option, "out of range", "polish." + std::move(field), std::move(remedy)};
+  };
+  if (rounds < 0) return bad("rounds", "give 0 or more");
+  for (const auto& [value, field] : {std::pair{accepted, "accepted"}, {freed, "freed"}, {wanted, "wanted"}})
+    if (!(value >= -1 && value <= 1)) return bad(field, "give a scaled Jacobian, -1 to 1");
+  return {};
+}
+
+QUADRIG_INLINE PolishedQuads polish(const TriangleMesh<double>& mesh, const PolishOptions& options, QuadMesh quads,
+                                    Context& context, const EdgeMarks& kept) {
+  PolishedQuads polished{std::move(quads), {}};
+  polished.report = detail::Polisher(mesh, options, kept, polished.mesh).run(context);
+  return polished;
 }
 
 }  // namespace quadrig

@@ -1,6 +1,7 @@
 // What the topology of a quad mesh has to be.
 #pragma once
 
+#include "quadrig/field/matching.hpp"
 #include "quadrig/quads.hpp"
 
 namespace quadrig {
@@ -111,6 +112,27 @@ struct QuadTopology {
   }
   result.euler = used - edges + m;
   return result;
+}
+
+/// Euler characteristic and border loops of a surface, which its quads have to have too. \cost O(m)
+struct SurfaceTopology {
+  explicit SurfaceTopology(const TriangleMesh<double>& mesh) : euler(euler_characteristic(mesh)) {
+    std::vector<char> seen(detail::at(mesh.vertex_count()), 0);
+    for (Index v = 0; v < mesh.vertex_count(); ++v) {
+      if (seen[detail::at(v)] || !mesh.on_boundary(v)) continue;
+      ++loops;
+      for (Index w = v; !seen[detail::at(w)]; w = mesh.target(mesh.outgoing(w))) seen[detail::at(w)] = 1;
+    }
+  }
+  Index euler, loops = 0;
+};
+
+/// Why the quads are not a mesh like the surface; empty where they are.
+[[nodiscard]] inline std::string unlike(const QuadTopology& quads, const SurfaceTopology& surface) {
+  if (!quads.defect.empty()) return quads.defect;
+  if (quads.euler != surface.euler || quads.boundary_loops != surface.loops)
+    return "the quads have another topology than the surface";
+  return {};
 }
 
 }  // namespace quadrig

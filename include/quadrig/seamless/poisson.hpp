@@ -1,6 +1,8 @@
 // The seamless Poisson solve, repeated with stiffer faces until no triangle is flipped and every cone is right.
 #pragma once
 
+#include <numbers>
+
 #include "quadrig/energy.hpp"
 #include "quadrig/seamless/curl.hpp"
 #include "quadrig/seamless/unknowns.hpp"
@@ -17,11 +19,25 @@ struct MapDefects {
   [[nodiscard]] bool valid() const { return flips == 0 && wrong_cones == 0; }
 };
 
+namespace detail {
+
+inline std::string count_of(Index n, const char* what) { return std::to_string(n) + " " + what + (n == 1 ? "" : "s"); }
+
+inline std::string defects_text(const MapDefects& defects) {
+  return count_of(defects.flips, "flipped triangle") + ", " + count_of(defects.wrong_cones, "wrong cone");
+}
+inline Index defect_count(const MapDefects& defects) { return defects.flips + defects.wrong_cones; }
+
+/// Defects all over, which neither other sizes nor a few moves undo.
+[[nodiscard]] inline bool is_noise(Index defects, Index faces) { return defects > std::max<Index>(300, faces / 50); }
+
+}  // namespace detail
+
 /// Both conditions are needed: a map with positive triangles can still wind twice around a vertex.
 [[nodiscard]] inline MapDefects check_map(const TriangleMesh<double>& mesh, const std::vector<Index>& index,
                                           const std::vector<Complex>& z) {
   using detail::at;
-  constexpr double half_pi = 1.57079632679489661923;
+  constexpr double half_pi = std::numbers::pi / 2;
   MapDefects defects;
   std::vector<double> cone(at(mesh.vertex_count()), 0.0);
   for (Index f = 0; f < mesh.face_count(); ++f) {
@@ -50,8 +66,13 @@ struct PoissonOptions {
   int straightenings = 0;       ///< further solves of a valid map in which lengths give way to directions
   double stretching = 1.0 / 3;  ///< what stretches a wanted quad in them, against what turns its edges; in (0, 1]
   SolverChoice solver{};
-  /// Held unknowns (same order as the unknowns of the map); empty: none.
-  std::span<const char> fixed;
+};
+
+/// Unknowns of a map that a solve holds at a value, in their order; empty: none.
+template <class K>
+struct HeldUnknowns {
+  std::span<const char> held;
+  std::span<const K> value;
 };
 
 struct PoissonReport {
@@ -80,18 +101,26 @@ inline void give_way(const TargetEdges& target, const std::vector<Complex>& z, d
 
 }  // namespace detail
 
+template <class K>
+struct PoissonMap {
+  std::vector<K> x;        ///< the unknowns
+  std::vector<Complex> z;  ///< a half-edge: the parameters of its origin in the chart of its face
+  PoissonReport report;
+};
+
 /// Minimizes Σ_f w_f ∫ |Dz G⁻¹ − I|² over the target triangles, so that the error is relative to the wanted quad;
-/// raises w where triangles flip or distort far more than their neighbours. On return x holds the solution with the
-/// fewest defects.
+/// raises w where triangles flip or distort far more than their neighbours. Returns the solution with the fewest
+/// defects.
 /// A valid map is straightened: its own stretch along the wanted directions becomes part of what is wanted, by the
 /// share that makes turning cost 1 / stretching times what stretching costs (local and global steps in turn). Where
-/// that flips a triangle the map before stays. `x` on entry gives the values of the fixed unknowns. \cost one analysis,
-/// one factorization an iteration, one solve a straightening.
+/// that flips a triangle the map before stays. \cost one analysis, one factorization an iteration, one solve a
+/// straightening.
+/// \fails as the backend; cancelled. A map that keeps defects is no failure: the report has them.
 template <class K>
-[[nodiscard]] Expected<PoissonReport> solve_poisson(const TriangleMesh<double>& mesh, const MapUnknowns<K>& unknowns,
+[[nodiscard]] Expected<PoissonMap<K>> solve_poisson(const TriangleMesh<double>& mesh, const MapUnknowns<K>& unknowns,
                                                     const std::vector<Index>& index, const TargetEdges& target,
-                                                    const PoissonOptions& options, std::vector<K>& x,
-                                                    std::vector<Complex>& z, Context& context) {
+                                                    const PoissonOptions& options, Context& context,
+                                                    const std::type_identity_t<HeldUnknowns<K>>& held = {}) {
   using detail::at;
   const Index m = mesh.face_count();
   if (context.cancelled()) return cancelled_error("seamless map");
@@ -107,9 +136,9 @@ template <class K>
     }
   }
   QuadraticForm<K> form(unknowns.count());
-  if (!options.fixed.empty())
+  if (!held.held.empty())
     for (Index k = 0; k < unknowns.count(); ++k)
-      if (options.fixed[at(k)]) form.fix(k, x[at(k)]);
+      if (held.held[at(k)]) form.fix(k, held.value[at(k)]);
   Expected<AnySolver<K>> solver = options.solver.factory<K>()();
   if (!solver) return solver.error();
 
@@ -130,8 +159,8 @@ template <class K>
                         }};
   PoissonReport report;
   PoissonReport best;
-  std::vector<K> best_x;
-  std::vector<Complex> best_z;
+  std::vector<K> x, best_x;
+  std::vector<Complex> z, best_z;
   Index fewest = std::numeric_limits<Index>::max();
   int waited = 0;
   // Assembles and solves; a straightening has the matrix of the iteration before.
@@ -204,9 +233,7 @@ template <class K>
         best_x = x;
         best_z = z;
       }
-      x = std::move(best_x);
-      z = std::move(best_z);
-      return best;
+      return PoissonMap<K>{std::move(best_x), std::move(best_z), std::move(best)};
     }
     for (Index f = 0; f < m; ++f) {
       double sum = 0;

@@ -58,7 +58,8 @@ struct LogScaleOptions {
   double largest = 4;        ///< corrections are clipped to [1/largest, largest]
   SolverFactory<double> solver = solver_factory<double>();
 };
-struct LogScaleReport {
+struct CorrectedTarget {
+  TargetEdges target;
   std::string backend;  ///< what solved, in words
 };
 
@@ -66,10 +67,10 @@ struct LogScaleReport {
 /// symmetric positive definite solve for log lengths on the vertices, where charts that differ by an odd turn swap
 /// a and b and a vertex of odd holonomy has a = b.
 /// \cost one factorization with at most 2 n unknowns.
-[[nodiscard]] inline Expected<LogScaleReport> correct_log_scale(const TriangleMesh<double>& mesh, const CutGraph& cut,
-                                                                const std::vector<Index>& index,
-                                                                const LogScaleOptions& options, TargetEdges& target,
-                                                                Context& context) {
+[[nodiscard]] inline Expected<CorrectedTarget> correct_log_scale(const TriangleMesh<double>& mesh, const CutGraph& cut,
+                                                                 const std::vector<Index>& index,
+                                                                 const LogScaleOptions& options, TargetEdges target,
+                                                                 Context& context) {
   using detail::at;
   const Index m = mesh.face_count(), n = mesh.vertex_count();
   const auto variable = [&](Index corner, int component) {
@@ -153,7 +154,7 @@ struct LogScaleReport {
                      target[at(h)].imag() * std::exp(std::clamp(b - median, -bound, bound))};
   }
   if (context.cancelled()) return cancelled_error("seamless map");
-  return LogScaleReport{solver->description()};
+  return CorrectedTarget{std::move(target), solver->description()};
 }
 
 }  // namespace quadrig

@@ -4,6 +4,7 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/SparseCore>
 
+#include "quadrig/budget.hpp"
 #include "quadrig/seamless/poisson.hpp"
 
 namespace quadrig {
@@ -12,9 +13,8 @@ struct UntangleOptions {
   double theta = 0.1;   ///< share of the area in the energy, in (0, 1)
   int iterations = 60;  ///< Newton steps a neighbourhood
   int rings = 48;       ///< largest neighbourhood, in edges from a defect
-  /// Triangles times steps that may be spent, beside 5 for every triangle of the mesh.
+  /// Triangles times steps that one call may spend, and 5 more for every triangle of the mesh.
   std::int64_t work = 150'000;
-  std::int64_t most = std::numeric_limits<std::int64_t>::max();  ///< and all in all
   SolverFactory<double> solver = solver_factory<double>();
 };
 
@@ -27,14 +27,19 @@ struct UntangleReport {
   MapDefects defects;
 };
 
+struct UntangledMap {
+  std::vector<Complex> z;
+  UntangleReport report;
+};
+
 namespace detail {
 
 class Untangler {
  public:
   Untangler(const TriangleMesh<double>& mesh, const CutGraph& cut, const std::vector<Index>& index,
             const std::vector<Aligned>& aligned, const TargetEdges& target, const UntangleOptions& options,
-            std::vector<Complex>& z)
-      : mesh_(mesh), cut_(cut), index_(index), target_(target), options_(options), z_(z) {
+            std::vector<Complex> z)
+      : mesh_(mesh), cut_(cut), index_(index), target_(target), options_(options), z_(std::move(z)) {
     held_.assign(at(mesh.vertex_count()), 0);
     for (Index v = 0; v < mesh.vertex_count(); ++v)
       if (index[at(v)] != 0 || mesh.outgoing(v) == no_index) held_[at(v)] = 3;
@@ -46,11 +51,12 @@ class Untangler {
         }
   }
 
-  Expected<UntangleReport> run(Context& context) {
+  Expected<UntangledMap> run(Context& context, Budget& budget) {
     UntangleReport report;
     report.defects = check_map(mesh_, index_, z_);
     const std::vector<Complex> start = z_;
-    const std::int64_t most = std::min(options_.most, options_.work + 5 * std::int64_t{mesh_.face_count()});
+    const std::int64_t most =
+        std::min(budget.left(Work::untangling), options_.work + 5 * std::int64_t{mesh_.face_count()});
     left_ = most;
     for (int rings = 4; rings <= options_.rings && !report.defects.valid() && left_ > 0; rings *= 2) {
       if (context.cancelled()) return cancelled_error("seamless map");
@@ -69,8 +75,9 @@ class Untangler {
       if (report.hopeless) break;
     }
     report.work = most - left_;
+    budget.spend(Work::untangling, report.work);
     if (!report.defects.valid()) z_ = start;
-    return report;
+    return UntangledMap{std::move(z_), std::move(report)};
   }
 
  private:
@@ -294,7 +301,7 @@ class Untangler {
   const std::vector<Index>& index_;
   const TargetEdges& target_;
   const UntangleOptions& options_;
-  std::vector<Complex>& z_;
+  std::vector<Complex> z_;
   std::vector<char> held_;
   std::vector<Index> variable_, vertices_;
   std::vector<Piece> pieces_;
@@ -307,14 +314,25 @@ class Untangler {
 /// Moves the regular vertices around flipped triangles and wrong cones until the map is valid, neighbourhood after
 /// larger neighbourhood; singular vertices stay, aligned ones slide along their line, and every transition is kept.
 /// Where that fails z is as it was and the report has its defects.
-/// \cost a sparse factorization of the neighbourhood a step.
+/// \param z corner parameters of the map
+/// \cost a sparse factorization of the neighbourhood a step, within the budget for untangling. \fails as the solver's
+///   factory; cancelled.
 /// Source: Garanzha et al., Foldover-free maps in 50 lines of code, 2021, restricted to where it is needed.
-[[nodiscard]] inline Expected<UntangleReport> untangle(const TriangleMesh<double>& mesh, const CutGraph& cut,
-                                                       const std::vector<Index>& index,
-                                                       const std::vector<Aligned>& aligned, const TargetEdges& target,
-                                                       const UntangleOptions& options, std::vector<Complex>& z,
-                                                       Context& context) {
-  return detail::Untangler(mesh, cut, index, aligned, target, options, z).run(context);
+[[nodiscard]] inline Expected<UntangledMap> untangle(const TriangleMesh<double>& mesh, const CutGraph& cut,
+                                                     const std::vector<Index>& index,
+                                                     const std::vector<Aligned>& aligned, const TargetEdges& target,
+                                                     const UntangleOptions& options, std::vector<Complex> z,
+                                                     Context& context, Budget& budget) {
+  return detail::Untangler(mesh, cut, index, aligned, target, options, std::move(z)).run(context, budget);
+}
+/// With a budget of its own.
+[[nodiscard]] inline Expected<UntangledMap> untangle(const TriangleMesh<double>& mesh, const CutGraph& cut,
+                                                     const std::vector<Index>& index,
+                                                     const std::vector<Aligned>& aligned, const TargetEdges& target,
+                                                     const UntangleOptions& options, std::vector<Complex> z,
+                                                     Context& context) {
+  Budget budget(mesh.face_count());
+  return untangle(mesh, cut, index, aligned, target, options, std::move(z), context, budget);
 }
 
 }  // namespace quadrig

@@ -31,13 +31,12 @@ inline void polish_split(const TriangleMesh<double>& mesh, const PolishOptions& 
                          Context& context) {
   if (faces_crossed(mesh, quads) > 100) return;  // nothing but needles: every step would take a walk over them all
   for (int done = 0, chunk = 1; done < options.rounds && !context.cancelled(); done += chunk, chunk = 5) {
-    QuadMesh better = quads;
     std::vector<double> before(static_cast<std::size_t>(quads.quad_count()));
     for (Index q = 0; q < quads.quad_count(); ++q)
       before[static_cast<std::size_t>(q)] = scaled_jacobian(quads.positions, quads.quads.row(q));
     PolishOptions some = options;
     some.rounds = std::min(chunk, options.rounds - done);
-    const PolishReport report = polish(mesh, some, better, context);
+    auto [better, report] = polish(mesh, some, quads, context);
     // On slivers the rectangles that polishing aims at may be out of reach.
     if (!(report.average_after > report.average_before - 0.02)) return;
     for (bool again = true; again;) {

@@ -1,19 +1,26 @@
-// Which edges of quads the map takes from the border and from edges that are kept.
+// Along which edges of the border and of features a map is straight: there one of its parameters is constant.
 #pragma once
+
+#include <numbers>
 
 #include "quadrig/connection.hpp"
 #include "quadrig/curves.hpp"
-#include "quadrig/field.hpp"
+#include "quadrig/field/matching.hpp"
 #include "quadrig/seamless/unknowns.hpp"
 
-namespace quadrig::detail {
+namespace quadrig {
 
-/// Which parameter is constant along the edges of the border and along kept edges that the field follows.
-class Alignment {
+namespace detail {
+
+class EdgeAligner {
  public:
-  Alignment(const TriangleMesh<double>& mesh, const Connection<double>& connection, const CutGraph& cut,
-            const FieldResult& field, const FrameField& frames, const EdgeMarks& kept)
-      : mesh_(mesh), connection_(connection), cut_(cut), frames_(frames) {
+  EdgeAligner(const TriangleMesh<double>& mesh, const Connection<double>& connection, const CutGraph& cut,
+              const FrameField& frames)
+      : mesh_(mesh), connection_(connection), cut_(cut), frames_(frames) {}
+
+  [[nodiscard]] std::vector<Aligned> run(const Matching& matching, const EdgeMarks& kept) && {
+    const TriangleMesh<double>& mesh = mesh_;
+    std::vector<Aligned>& aligned = aligned_;
     aligned.assign(at(mesh.halfedge_count()), Aligned::none);
     deviation_.assign(kept.empty() ? 0 : aligned.size(), 0.0);
     for (Index h = 0; h < mesh.halfedge_count(); ++h) {
@@ -23,20 +30,20 @@ class Alignment {
       } else if (!kept.empty() && kept[at(h)]) {
         const Aligned mine = label(h, here);
         (void)label(mesh.twin(h), there);
-        if (here > 0.05 || there > 0.05) continue;
+        if (here > largest_deviation || there > largest_deviation) continue;
         aligned[at(h)] = mine;
         deviation_[at(h)] = std::max(here, there);
       }
     }
     for (Index v = 0; !kept.empty() && v < mesh.vertex_count(); ++v)
-      while (open_sector(v, field.matching)) continue;
-    any = std::any_of(aligned.begin(), aligned.end(), [](Aligned a) { return a != Aligned::none; });
+      while (open_sector(v, matching)) continue;
+    return std::move(aligned_);
   }
 
-  std::vector<Aligned> aligned;  ///< a half-edge
-  bool any = false;
-
  private:
+  /// Radians; the field follows an edge that is held exactly, and leaves one farther that it could not follow.
+  static constexpr double largest_deviation = 0.05;
+
   [[nodiscard]] Aligned label(Index h, double& deviation) const {
     const auto f = at(h / 3);
     const std::array<Complex, 4> d{frames_.u[f], frames_.v[f], -frames_.u[f], -frames_.v[f]};
@@ -49,7 +56,7 @@ class Alignment {
   }
 
   /// Where the field does not turn from one aligned edge to the next around the vertex, no quad would be between them:
-  /// that one is let go which it follows worse. Returns whether there was such a place.
+  /// the edge that it follows worse is released. Returns whether there was such a place.
   bool open_sector(Index v, const Matching& matching) {
     Index h = mesh_.outgoing(v);
     if (h == no_index) return false;
@@ -61,7 +68,7 @@ class Alignment {
     std::vector<Spoke> spokes;
     double turned = 0;
     do {
-      if (aligned[at(h)] != Aligned::none) spokes.push_back({h, turned});
+      if (aligned_[at(h)] != Aligned::none) spokes.push_back({h, turned});
       turned += mesh_.corner_angle(h) + matching.rho[at(mesh_.prev(h))];
       const Index in = mesh_.prev(h);
       h = mesh_.next_around(h);
@@ -70,12 +77,12 @@ class Alignment {
     if (spokes.size() < 2) return false;
     if (h == start) spokes.push_back({spokes.front().halfedge, spokes.front().angle + turned});
     for (std::size_t k = 0; k + 1 < spokes.size(); ++k) {
-      if (spokes[k + 1].angle - spokes[k].angle > 0.78539816339744831) continue;
+      if (spokes[k + 1].angle - spokes[k].angle > std::numbers::pi / 4) continue;
       const Index a = spokes[k].halfedge, b = spokes[k + 1].halfedge;
       const auto inside = [&](Index e) { return mesh_.twin(e) != no_index; };
       if (!inside(a) && !inside(b)) return false;
       const Index less = !inside(b) || (inside(a) && deviation_[at(a)] >= deviation_[at(b)]) ? a : b;
-      aligned[at(less)] = aligned[at(mesh_.twin(less))] = Aligned::none;
+      aligned_[at(less)] = aligned_[at(mesh_.twin(less))] = Aligned::none;
       return true;
     }
     return false;
@@ -85,7 +92,20 @@ class Alignment {
   const Connection<double>& connection_;
   const CutGraph& cut_;
   const FrameField& frames_;
+  std::vector<Aligned> aligned_;
   std::vector<double> deviation_;
 };
 
-}  // namespace quadrig::detail
+}  // namespace detail
+
+/// A half-edge: along which parameter a map of the frames is straight there, on the border and on the kept edges that
+/// the field follows to within 3°. Where two of these meet at a vertex and the field does not turn from one to the
+/// other, one is released. \param kept marks of the mesh, or empty: none \cost O(m)
+[[nodiscard]] inline std::vector<Aligned> aligned_edges(const TriangleMesh<double>& mesh,
+                                                        const Connection<double>& connection, const CutGraph& cut,
+                                                        const Matching& matching, const FrameField& frames,
+                                                        const EdgeMarks& kept = {}) {
+  return detail::EdgeAligner(mesh, connection, cut, frames).run(matching, kept);
+}
+
+}  // namespace quadrig

@@ -1,0 +1,314 @@
+#pragma once
+
+#include "quadrig/field/surgery.hpp"
+#include "quadrig/pipeline/attempt.hpp"
+
+namespace quadrig::detail {
+
+/// Keeps no longer the edges at the corners of these faces. Returns whether there were any.
+inline bool release_near(const TriangleMesh<double>& mesh, std::span<const Index> faces, EdgeMarks& kept) {
+  if (kept.empty()) return false;
+  std::vector<char> near(at(mesh.vertex_count()), 0);
+  for (const Index f : faces)
+    for (int i = 0; i < 3; ++i) near[at(mesh.faces()(f, i))] = 1;
+  bool any = false;
+  for (Index h = 0; h < mesh.halfedge_count(); ++h)
+    if (kept[at(h)] && (near[at(mesh.origin(h))] || near[at(mesh.target(h))])) kept[at(h)] = 0, any = true;
+  return any;
+}
+
+/// Why no map of a field is tried; empty where one is.
+[[nodiscard]] inline std::string unmappable(const TriangleMesh<double>& mesh, const std::vector<Index>& index4,
+                                            double quads) {
+  Index extreme = 0, first = no_index;
+  for (Index v = 0; v < mesh.vertex_count(); ++v)
+    if (index4[at(v)] > 1 || index4[at(v)] < (mesh.on_boundary(v) ? -2 : -3)) {
+      ++extreme;
+      if (first == no_index) first = v;
+    }
+  if (extreme > 0)
+    return "field: " + std::to_string(extreme) + (extreme == 1 ? " vertex" : " vertices") +
+           " of too few or too many quads, one of " +
+           std::to_string((mesh.on_boundary(first) ? 2 : 4) - index4[at(first)]) +
+           (mesh.on_boundary(first) ? " on the border" : "");
+  // Each corner has quads of its own: no map has as few as two a corner, however it is made.
+  constexpr double few = 60, quads_a_corner = 2;
+  const auto corners = std::count_if(index4.begin(), index4.end(), [](Index i) { return i != 0; });
+  if (static_cast<double>(corners) > std::max(few, quads / quads_a_corner))
+    return std::to_string(corners) + " singularities and corners, too many for so few quads";
+  return {};
+}
+
+class AttemptRun {
+ public:
+  AttemptRun(const AttemptShared& shared, const Attempt& attempt, Piece piece, bool mend, Context& context)
+      : shared_(shared),
+        options_(shared.asset.options),
+        attempt_(attempt),
+        piece_(std::move(piece)),
+        mesh_(piece_.asset.mesh),
+        mend_(mend),
+        context_(context) {}
+
+  [[nodiscard]] Expected<AttemptResult> run(bool afresh, Budget& budget) {
+    const std::int64_t granted = granted_solves(afresh) * mesh_.face_count();
+    const std::int64_t left = budget.left(Work::maps);
+    if (!afresh && !attempt_.on_stand_in() && granted > left) {
+      leave("maps on so many triangles would take more work than is left");
+      return ended(Outcome::too_many_triangles);
+    }
+    if (context_.cancelled()) return cancelled_error("remesh");
+    context_.progress("field", 0.1);
+    const Connection<double> connection(mesh_, &context_);
+    if (context_.cancelled()) return cancelled_error("remesh");
+    Expected<FieldResult> field = design_field(piece_.asset, connection, field_options(connection), context_);
+    if (!field) {
+      if (field.error().code == ErrorCode::cancelled || field.error().code == ErrorCode::bad_option)
+        return field.error();
+      leave("field: " + field.error().message());
+      return ended(Outcome::field_failed);
+    }
+    if (context_.cancelled()) return cancelled_error("remesh");
+    result_.backends.field = field->report.solve.backend;
+    FieldSurgery surgery(mesh_, std::move(*field), shared_.edge, real_solver_);
+    if (Status status = clean_up(surgery); !status.ok()) return status.error();
+    lap(result_.seconds.field);
+
+    Budget share = budget.lend(Work::maps, std::max(left / 2, granted));
+    const Expected<Outcome> outcome = map_field(connection, surgery, share);
+    result_.share_left = share.left(Work::maps);
+    budget.give_back(Work::maps, share);
+    if (!outcome) return outcome.error();
+    return ended(*outcome);
+  }
+
+ private:
+  void lap(double& into) {
+    into += watch_.seconds();
+    watch_ = {};
+  }
+  void leave(const std::string& reason) { result_.reasons.push_back(reason); }
+  [[nodiscard]] AttemptResult ended(Outcome outcome) {
+    result_.outcome = outcome;
+    return std::move(result_);
+  }
+
+  [[nodiscard]] FieldOptions field_options(const Connection<double>& connection) const;
+
+  /// Removes singularities that no quads can have, or that too few quads would share.
+  [[nodiscard]] Status clean_up(FieldSurgery& surgery) {
+    surgery.split_extremes(apart * shared_.edge, context_);
+    if (context_.cancelled()) return cancelled_error("remesh");
+    // Pairs farther apart shape the limbs: they are cancelled only where there are fewer than 20 quads a singularity.
+    constexpr double crowded = 2, quads_each = 20;
+    surgery.cancel_pairs(apart * shared_.edge, crowded * shared_.edge, shared_.quads / quads_each);
+    if (context_.cancelled()) return cancelled_error("remesh");
+    // No direction was requested: every pair that does not make the sizes vary less is cancelled.
+    const DirectionOptions& asked = options_.directions;
+    constexpr double near = 4, of_surface = 0.07;
+    if (surgery.field().report.preset == FieldPreset::flat && !asked.bones && !asked.curvature && !(asked.posed > 0) &&
+        piece_.kept.empty() && !shared_.asset.asks_for_directions() &&
+        shared_.asset.sizing.density == DensitySource::uniform)
+      surgery.cancel_needless(std::min(near * shared_.edge, of_surface * std::sqrt(shared_.area)), context_);
+    if (context_.cancelled()) return cancelled_error("remesh");
+    return {};
+  }
+
+  /// The map, and where it fails again of the field with the pair of singularities next to the failure cancelled, or
+  /// with the features there released. \fails cancelled
+  [[nodiscard]] Expected<Outcome> map_field(const Connection<double>& connection, FieldSurgery& surgery,
+                                            Budget& budget) {
+    std::vector<char> held(at(mesh_.face_count()), 0);
+    for (Index h = 0; h < mesh_.halfedge_count(); ++h)
+      if (mesh_.twin(h) == no_index || (!piece_.kept.empty() && piece_.kept[at(h)])) held[at(h / 3)] = 1;
+    if (const OwnDirections* own = shared_.asset.own)
+      for (std::size_t f = 0; f < held.size(); ++f)
+        if (std::isinf(own->weight[at(piece_.parent[f])])) held[f] = 1;
+    std::size_t troubled_before = std::numeric_limits<std::size_t>::max();
+    constexpr int mends = 3;
+    for (int mended = 0;; ++mended) {
+      if (Status status = surgery.apply(held, context_); !status.ok()) {
+        leave("field: " + status.error().message());
+        return Outcome::field_failed;
+      }
+      if (!surgery.backend().empty()) result_.backends.surgery = surgery.backend();
+      lap(result_.seconds.field);
+      if (const std::string reason = unmappable(mesh_, surgery.field().singularities.index4, shared_.quads);
+          !reason.empty()) {
+        leave(reason);
+        return Outcome::unmappable;
+      }
+      std::vector<Index> trouble;
+      Expected<MadeQuads> made = quads_of(connection, surgery.field(), trouble, budget);
+      if (context_.cancelled()) return cancelled_error("remesh");
+      watch_ = {};  // those of the map are taken
+      if (made) return judged(std::move(*made), surgery.field());
+      if (made.error().code == ErrorCode::cancelled) return made.error();
+      leave(made.error().what);
+      if (!mend_) return Outcome::tangled;
+      if (attempt_.keeps_features && is_noise(static_cast<Index>(trouble.size()), mesh_.face_count()))
+        return Outcome::noisy;
+      const bool last = mended == mends;
+      if (!budget.spent(Work::maps) && release_near(mesh_, trouble, piece_.kept)) {
+        if (last) return Outcome::tangled;
+        continue;
+      }
+      const Outcome outcome = trouble.empty() ? Outcome::flat : Outcome::tangled;
+      if (budget.spent(Work::maps)) {
+        leave("maps on these triangles have taken their share of the work");
+        return outcome == Outcome::flat ? outcome : Outcome::budget_spent;
+      }
+      if (outcome == Outcome::flat) return outcome;
+      // Where many triangles are in trouble and fewer pairs do not help, no single pair will.
+      constexpr std::size_t very_many = 300, many = 30;
+      const bool hopeless = trouble.size() > very_many || (trouble.size() > many && trouble.size() >= troubled_before);
+      troubled_before = trouble.size();
+      if (hopeless || last || !surgery.cancel_near(trouble)) return outcome;
+      surgery.split_extremes(apart * shared_.edge, context_);
+    }
+  }
+
+  /// \param trouble on return the faces at which no valid map was found, where that was the reason
+  [[nodiscard]] Expected<MadeQuads> quads_of(const Connection<double>& connection, const FieldResult& field,
+                                             std::vector<Index>& trouble, Budget& budget) {
+    context_.progress("map", 0.2);
+    FrameField frames = field.frames;
+    const RemeshShared& asset = shared_.asset;
+    if (asset.sizes) {
+      Expected<FrameField> sized =
+          apply_sizes(mesh_, connection, *asset.sizes, asset.connection, piece_.parent, shared_.quads, shared_.area,
+                      field.matching, std::move(frames), context_, real_solver_);
+      if (!sized) return map_error("sizes: " + sized.error().message());
+      frames = std::move(*sized);
+    }
+    if (context_.cancelled()) return cancelled_error("remesh");
+    SeamlessOptions seamless;
+    seamless.quads = shared_.quads;
+    seamless.kept = piece_.kept;
+    seamless.accept_defects = true;
+    seamless.solver = options_.solver;
+    Expected<SeamlessMap> map =
+        seamless_map(mesh_, connection, frames, field.matching, field.singularities, seamless, context_, budget);
+    lap(result_.seconds.map);
+    if (!map) return map.error();
+    StageBackends& backends = result_.backends;
+    backends.target = map->report.target_backend;
+    backends.map = map->report.map_backend;
+    if (!map->report.untangling_backend.empty()) backends.untangling = map->report.untangling_backend;
+    if (!map->valid()) {
+      trouble = map->report.trouble;
+      return map_error(map->report.tries.back());
+    }
+
+    const TriangleMesh<double>& surface = surface_mesh();
+    const EdgeMarks& surface_kept = surface_marks();
+    std::optional<OntoSurface> projection;
+    if (!piece_.source.empty()) projection.emplace(mesh_, piece_.source, piece_.kept, surface, surface_kept);
+    if (context_.cancelled()) return cancelled_error("remesh");
+    const auto onto = [&](const SurfacePoint& point) { return projection ? (*projection)(point) : point; };
+    const QuadSurface target{surface, surface_kept, onto};
+    MapQuads quads(mesh_, *map, target, shared_.quads, options_, context_, budget);
+    Expected<MadeQuads> made = quads.run();
+    result_.seconds += quads.seconds;
+    if (!quads.untangling_backend.empty()) backends.untangling = quads.untangling_backend;
+    if (!made) return made;
+    on_the_way_ = map->report.tries;
+    on_the_way_.insert(on_the_way_.end(), quads.reasons.begin(), quads.reasons.end());
+    return made;
+  }
+
+  [[nodiscard]] Outcome judged(MadeQuads made, const FieldResult& field) {
+    constexpr double too_many = 1.5;
+    if (attempt_.keeps_features && made.quads.quad_count() > too_many * shared_.quads) {
+      leave("creases and features need " + std::to_string(made.quads.quad_count()) + " quads");
+      return Outcome::features_too_dense;
+    }
+    for (const std::string& reason : on_the_way_) leave(reason);
+    const double least = made.least;
+    result_.found = FoundQuads{std::move(made),
+                               surface_mesh(),
+                               surface_marks(),
+                               piece_.source.empty() ? piece_.parent : shared_.original.parent,
+                               field.singularities.plus + field.singularities.minus,
+                               field.report};
+    if (least > fine_enough) return Outcome::good;
+    leave("least scaled Jacobian " + std::to_string(least).substr(0, 4));
+    return Outcome::poor;
+  }
+
+  // Where the quads go: the triangles of the attempt, or what they stand for.
+  [[nodiscard]] const TriangleMesh<double>& surface_mesh() const {
+    return piece_.source.empty() ? mesh_ : shared_.original.asset.mesh;
+  }
+  [[nodiscard]] const EdgeMarks& surface_marks() const {
+    return piece_.source.empty() || !attempt_.keeps_features ? piece_.kept : shared_.original.kept;
+  }
+
+  static constexpr double apart = 0.75;  // edges of quads: singularities closer than this have no quads between them
+
+  const AttemptShared& shared_;
+  const RemeshOptions& options_;
+  const Attempt& attempt_;
+  Piece piece_;
+  const TriangleMesh<double>& mesh_;
+  const bool mend_;
+  Context& context_;
+  const SolverFactory<double> real_solver_ = options_.solver.factory<double>();
+  AttemptResult result_;
+  std::vector<std::string> on_the_way_;  // what the map that came out was preceded by
+  Stopwatch watch_;
+};
+
+QUADRIG_INLINE FieldOptions AttemptRun::field_options(const Connection<double>& connection) const {
+  const RemeshShared& asset = shared_.asset;
+  FieldOptions field;
+  field.preset = options_.preset;
+  field.quad_edge = shared_.edge;
+  field.merge_quads = attempt_.merge_quads;
+  field.solver = options_.solver.name;
+  field.own_solver = options_.solver.own_complex;
+  field.own_real_solver = options_.solver.own_real;
+  field.bone_weight = options_.directions.bones;
+  field.curvature_weight = options_.directions.curvature;
+  field.bone_density = asset.sizing.density == DensitySource::field;
+  field.crease_angle_radians = std::numbers::pi;
+  for (Index h = 0; h < static_cast<Index>(piece_.kept.size()); ++h)
+    if (piece_.kept[at(h)]) field.features.push_back(h);
+  if (options_.directions.terms) {
+    OwnTerms terms = options_.directions.terms(mesh_, connection, piece_.parent);
+    field.own_terms_x0 = std::move(terms.x0);
+    field.own_terms_x1 = std::move(terms.x1);
+  }
+  const bool posed = asset.metric && options_.directions.posed > 0;
+  if (!posed && !asset.own) return field;
+  PolyVectorTargets targets = PolyVectorTargets::none(mesh_.face_count());
+  const auto cross_along = [](Complex d) { return -integer_power(d / std::abs(d), 4); };
+  for (Index f = 0; f < mesh_.face_count(); ++f) {
+    const auto p = at(piece_.parent[at(f)]);
+    if (posed) {
+      const Complex d =
+          connection.to_complex(f, asset.connection.to_vector(piece_.parent[at(f)], asset.metric->direction[p]));
+      targets.x0[at(f)] = cross_along(d);
+      targets.weight[at(f)] = options_.directions.posed * asset.metric->alignment[p];
+    }
+    if (!asset.own || !(asset.own->weight[p] > 0)) continue;
+    const Complex d = connection.to_complex(f, asset.own->direction[p]);
+    if (!(std::abs(d) > 0)) continue;  // across a face that this one only stands for
+    if (std::isinf(asset.own->weight[p])) {
+      field.fixed.push_back({f, d});
+      continue;
+    }
+    const double before = targets.weight[at(f)], own = asset.own->weight[p];
+    targets.x0[at(f)] = (before * targets.x0[at(f)] + own * cross_along(d)) / (before + own);
+    targets.weight[at(f)] = before + own;
+  }
+  field.targets = std::move(targets);
+  return field;
+}
+
+QUADRIG_INLINE Expected<AttemptResult> run_attempt(const AttemptShared& shared, const Attempt& attempt, Piece piece,
+                                                   bool afresh, bool mend, Context& context, Budget& budget) {
+  return AttemptRun(shared, attempt, std::move(piece), mend, context).run(afresh, budget);
+}
+
+}  // namespace quadrig::detail
