@@ -2,6 +2,7 @@
 #pragma once
 
 #include "quadrig/constraints/features.hpp"
+#include "quadrig/pipeline.hpp"
 #include "quadrig/pipeline/piece.hpp"
 
 namespace quadrig::detail {
