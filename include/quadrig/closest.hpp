@@ -18,7 +18,7 @@ struct SurfaceHit : SurfacePoint {
 /// \cost O(1). \fails never. Source: Ericson, Real-Time Collision Detection, 5.1.5.
 [[nodiscard]] SurfaceHit closest_on_triangle(const Vector3& p, const Vector3& a, const Vector3& b, const Vector3& c);
 
-/// Which points of the surface may answer a query.
+/// Which points of the surface a query may return.
 struct ClosestFilter {
   /// Faces whose normal makes a smaller cosine than `minimum_cosine` with this vector are passed over: the far side of
   /// a thin part never answers. Zero: every face may answer. Needs no unit length.
@@ -37,6 +37,9 @@ class ClosestPoint {
   explicit ClosestPoint(const TriangleMesh<double>& mesh) : ClosestPoint(mesh.positions(), mesh.faces()) {}
   /// Any triangle soup: m×3 faces over n×3 positions. \pre indices in range, positions finite
   ClosestPoint(const Points<double>& positions, const Triangles& faces);
+  template <class V, class F>
+  requires(RuntimeColumns<V> || RuntimeColumns<F>) ClosestPoint(const V&, const F&)
+  = delete;  // see with_columns
 
   [[nodiscard]] bool empty() const { return nodes_.empty(); }
 
@@ -252,17 +255,12 @@ inline SurfaceHit walk_closest(const TriangleMesh<double>& mesh, const Vector3& 
   SurfaceHit best = on_face(start.face);
   for (;;) {
     const Index centre = best.face;
-    for (int i = 0; i < 3; ++i) {
-      const Index first = mesh.outgoing(mesh.faces()(centre, i));
-      for (Index h = first; h != no_index;) {
-        if (h / 3 != centre) {
-          const SurfaceHit hit = on_face(h / 3);
-          if (hit.squared_distance < best.squared_distance) best = hit;
-        }
-        h = mesh.next_around(h);
-        if (h == first) break;
+    for (int i = 0; i < 3; ++i)
+      for (const Index h : mesh.around(mesh.faces()(centre, i))) {
+        if (mesh.face_of(h) == centre) continue;
+        const SurfaceHit hit = on_face(mesh.face_of(h));
+        if (hit.squared_distance < best.squared_distance) best = hit;
       }
-    }
     if (best.face == centre) return best;  // the distance falls with every step, so no face is the centre twice
   }
 }

@@ -65,7 +65,7 @@ class Connection {
 template <class Scalar>
 [[nodiscard]] Eigen::Matrix<Scalar, Eigen::Dynamic, 1> angle_defects(const TriangleMesh<Scalar>& mesh,
                                                                      const Context* context = nullptr) {
-  constexpr Scalar pi = Scalar(3.14159265358979323846L);
+  constexpr Scalar pi = std::numbers::pi_v<Scalar>;
   Eigen::Matrix<Scalar, Eigen::Dynamic, 1> defect(mesh.vertex_count());
   for (Index v = 0; v < mesh.vertex_count(); ++v)
     defect[v] = mesh.outgoing(v) == no_index ? Scalar(0) : mesh.on_boundary(v) ? pi : 2 * pi;

@@ -14,8 +14,8 @@ namespace quadrig {
 
 class Context {
  public:
-  /// Stage name and the fraction of the whole job done, in [0, 1], as far as that can be told; it never falls. Called
-  /// from the calling thread only.
+  /// Stage name and an estimate of the fraction of the whole job that is done, in [0, 1]; it never falls. Called from
+  /// the calling thread only.
   using Progress = std::function<void(std::string_view stage, double fraction)>;
   /// What a stage found, a line without an end. Called from the calling thread only.
   using Log = std::function<void(std::string_view line)>;
@@ -24,7 +24,7 @@ class Context {
   Log on_log;
   /// Set from any thread; polled between faces, rows and iterations of every long loop. May be null.
   const std::atomic<bool>* cancel_flag = nullptr;
-  /// Asked at each of these polls, from any thread; true cancels, and has to stay true. For hosts that have no flag,
+  /// Called at each of these polls, from any thread; true cancels, and has to stay true. For hosts that have no flag,
   /// and to count the polls.
   std::function<bool()> on_poll;
   /// Upper bound on threads; results are the same bits for every value. 0: as many as the machine has.
@@ -57,19 +57,8 @@ class Context {
 
   /// Calls body(begin, end) over disjoint ranges that cover [0, n). Bodies write only to their own range, so the
   /// result does not depend on the number of threads; sums are made by the caller, in order.
-  template <class Body>
-  void parallel_for(std::size_t n, std::size_t grain, Body&& body) const {
-    const std::size_t parts = std::min<std::size_t>(thread_count(), grain ? (n + grain - 1) / grain : 1);
-    if (parts <= 1) {
-      body(std::size_t{0}, n);
-      return;
-    }
-    std::vector<std::jthread> workers;
-    workers.reserve(parts - 1);
-    for (std::size_t part = 1; part < parts; ++part)
-      workers.emplace_back([&body, n, part, parts] { body(n * part / parts, n * (part + 1) / parts); });
-    body(std::size_t{0}, n / parts);
-  }
+  /// \param grain least length of a range that is worth a thread; 0: one thread
+  void parallel_for(std::size_t n, std::size_t grain, function_ref<void(std::size_t, std::size_t)> body) const;
   /// The sum of what body(begin, end) returns for runs of 4096 that cover [0, n), in their order: the bits do not
   /// depend on the number of threads. `sum`: what it begins from.
   template <class Sum = double, class Body>
@@ -84,14 +73,29 @@ class Context {
   }
 };
 
-/// While it lives, what a context is told of progress is the part [from, to] of what its caller hears.
+// Not a template: every loop of the library would compile its own threads.
+inline void Context::parallel_for(std::size_t n, std::size_t grain,
+                                  function_ref<void(std::size_t, std::size_t)> body) const {
+  const std::size_t parts = std::min<std::size_t>(thread_count(), grain ? (n + grain - 1) / grain : 1);
+  if (parts <= 1) {
+    body(std::size_t{0}, n);
+    return;
+  }
+  std::vector<std::jthread> workers;
+  workers.reserve(parts - 1);
+  for (std::size_t part = 1; part < parts; ++part)
+    workers.emplace_back([&body, n, part, parts] { body(n * part / parts, n * (part + 1) / parts); });
+  body(std::size_t{0}, n / parts);
+}
+
+/// While it lives, the progress that is reported to a context becomes the part [from, to] of its caller's.
 class ProgressPart {
  public:
   ProgressPart(Context& context, double from, double to) : context_(context), outer_(context.on_progress) {
     if (!outer_) return;
-    context.on_progress = [this, from, to, told = from](std::string_view stage, double fraction) mutable {
-      told = std::max(told, from + (to - from) * std::clamp(fraction, 0.0, 1.0));
-      outer_(stage, told);
+    context.on_progress = [this, from, to, reported = from](std::string_view stage, double fraction) mutable {
+      reported = std::max(reported, from + (to - from) * std::clamp(fraction, 0.0, 1.0));
+      outer_(stage, reported);
     };
   }
   ~ProgressPart() { context_.on_progress = std::move(outer_); }
@@ -103,9 +107,8 @@ class ProgressPart {
   Context::Progress outer_;
 };
 
-/// Context::parallel_for in ranges of thousands; without a context in one thread, as functions are that are given none.
-template <class Body>
-void parallel_for(const Context* context, std::size_t n, Body&& body) {
+/// Context::parallel_for in ranges of thousands; in one thread where there is no context.
+inline void parallel_for(const Context* context, std::size_t n, function_ref<void(std::size_t, std::size_t)> body) {
   constexpr std::size_t grain = 16384;
   if (context)
     context->parallel_for(n, grain, body);

@@ -1,5 +1,11 @@
-// The words every other header shares: indices, errors as values, and a callback that does not allocate.
+// What every other header shares: indices, errors as values, and a callback that does not allocate.
 #pragma once
+
+#if (defined(_MSVC_LANG) ? _MSVC_LANG : __cplusplus) < 202002L
+// A file that is missing ends the compilation: one line in place of hundreds.
+#define QUADRIG_NEEDS_CXX20 "quadrig needs C++20: compile with -std=c++20 (g++ 12, clang 14 or newer)"
+#include QUADRIG_NEEDS_CXX20
+#endif
 
 #include <cassert>
 #include <complex>
@@ -25,6 +31,24 @@
 
 namespace quadrig {
 
+#if defined(QUADRIG_COMPILED)
+/// Eigen takes and frees memory, and lays out its types, by EIGEN_MAX_ALIGN_BYTES, which options like -mavx change. The
+/// library defines `check` for the value it was compiled with alone, and every program refers to that of its own: with
+/// another value it does not link, in place of crashing.
+template <int bytes, int bytes_of_fixed_sizes>
+struct library_was_compiled_with_another_EIGEN_MAX_ALIGN_BYTES {
+  static void check();
+};
+namespace detail {
+using SameAlignment =
+    library_was_compiled_with_another_EIGEN_MAX_ALIGN_BYTES<EIGEN_DEFAULT_ALIGN_BYTES, EIGEN_MAX_STATIC_ALIGN_BYTES>;
+#if defined(__GNUC__)
+[[gnu::used]]
+#endif
+static void (*const same_alignment)() = &SameAlignment::check;
+}  // namespace detail
+#endif
+
 /// Numbers vertices, faces, half-edges, bones and unknowns. Faces are limited to 2^31 / 3.
 using Index = std::int32_t;
 inline constexpr Index no_index = -1;
@@ -44,6 +68,9 @@ using Triangles = Eigen::Matrix<Index, Eigen::Dynamic, 3, Eigen::RowMajor>;
 /// m×4, one quad a row, counter-clockwise seen from outside.
 using Quads = Eigen::Matrix<Index, Eigen::Dynamic, 4, Eigen::RowMajor>;
 using Vector3 = Eigen::Vector3d;
+
+template <class T>
+class Expected;
 
 /// What kind of thing went wrong; the command turns each into its own exit code (docs/command.md).
 enum class ErrorCode : std::uint8_t {
@@ -130,7 +157,31 @@ class function_ref<Result(Args...)> {
   Result (*call_)(void*, Args...);
 };
 
-/// Something a stage mended or could not honour: told in the report, never printed by the library.
+/// Any of Eigen's matrices or expressions.
+template <class M>
+concept EigenMatrix = std::is_base_of_v<Eigen::EigenBase<M>, M>;
+/// One whose number of columns is only known as the program runs, as Eigen::MatrixXd. Functions that take Points,
+/// Triangles or Quads and cannot fail are deleted for such: pass what `with_columns` returns.
+template <class M>
+concept RuntimeColumns = EigenMatrix<M> && int(M::ColsAtCompileTime) == Eigen::Dynamic;
+
+/// A matrix whose number of columns is only known as the program runs, as one of `columns` columns: what functions
+/// that take Points, Triangles or Quads need. Eigen checks that number in an assertion alone, and writes past the end
+/// without it. \fails bad_input where the matrix has another number of columns: names it by `name`. \cost O(entries)
+template <int columns, EigenMatrix Matrix>
+[[nodiscard]] Expected<Eigen::Matrix<typename Matrix::Scalar, Eigen::Dynamic, columns, Eigen::RowMajor>> with_columns(
+    const Matrix& matrix, const char* name) {
+  static_assert(int(Matrix::ColsAtCompileTime) == columns || int(Matrix::ColsAtCompileTime) == Eigen::Dynamic,
+                "another number of columns than this function needs");
+  if (matrix.cols() != columns)
+    return Error{ErrorCode::bad_input,
+                 std::to_string(matrix.rows()) + " × " + std::to_string(matrix.cols()) + " in place of " +
+                     std::to_string(columns) + " columns",
+                 name, "give one row each, with " + std::to_string(columns) + " columns"};
+  return Eigen::Matrix<typename Matrix::Scalar, Eigen::Dynamic, columns, Eigen::RowMajor>(matrix);
+}
+
+/// Something a stage repaired or could not honour; it is in the report, and the library never prints it.
 struct Warning {
   std::string stage;
   std::string text;

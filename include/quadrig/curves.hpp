@@ -28,7 +28,7 @@ using EdgeMarks = std::vector<char>;
 /// the surface, where two bend by more than an angle within it.
 class EdgeCurves {
  public:
-  static constexpr double no_bend = 3.14159265358979323846, eighth = no_bend / 4;
+  static constexpr double no_bend = std::numbers::pi, eighth = no_bend / 4;
 
   /// Curves run along the border as its half-edges do. Keeps a reference to the mesh. \cost O(m)
   EdgeCurves(const TriangleMesh<double>& mesh, const EdgeMarks& marks, double bend_radians = no_bend) : mesh_(mesh) {
@@ -161,28 +161,21 @@ class EdgeCurves {
   [[nodiscard]] bool bends(Index v, const std::array<Index, 2>& edges, double most) const {
     if (most >= no_bend || mesh_.on_boundary(v)) return false;
     double turned = 0, first = 0, second = 0;
-    const Index start = mesh_.outgoing(v);
-    Index h = start;
-    do {
+    for (const Index h : mesh_.around(v)) {
       if (h == edges[0]) first = turned;
       if (h == edges[1]) second = turned;
       turned += mesh_.corner_angle(h);
-      h = mesh_.next_around(h);
-    } while (h != start);
+    }
     return std::abs(std::abs(second - first) - turned / 2) > most;
   }
 
   /// A marked half-edge at the vertex, leaving it or, at the end of a border, coming in.
   [[nodiscard]] Index leaving(Index v) const {
-    Index h = mesh_.outgoing(v), last = no_index;
-    const Index start = h;
-    while (h != no_index) {
+    for (const Index h : mesh_.around(v)) {
       if (marked(h)) return h;
-      last = h;
-      h = mesh_.next_around(h);
-      if (h == start) return no_index;
+      if (const Index in = mesh_.prev(h); mesh_.twin(in) == no_index && marked(in)) return in;
     }
-    return last != no_index && marked(mesh_.prev(last)) ? mesh_.prev(last) : no_index;
+    return no_index;
   }
 
   /// Every place of the point on curves: at a corner one on each that ends there.
@@ -197,15 +190,11 @@ class EdgeCurves {
     for (int i = 0; i < 3; ++i) {
       if (point.barycentric[i] < 1 - tolerance) continue;
       const Index v = mesh_.faces()(point.face, i);
-      Index h = mesh_.outgoing(v);
-      const Index start = h;
       // Where the vertex is no corner, one place of the two will do: that where an edge begins there.
-      while (h != no_index) {
+      for (const Index h : mesh_.around(v)) {
         if (marked(h) && (corner_[at(v)] || along(h) == h)) add(h, 0);
         if (!corner_[at(v)] && !found.empty()) return found;
         if (const Index in = mesh_.prev(h); mesh_.twin(in) == no_index && marked(in) && corner_[at(v)]) add(in, 1);
-        h = mesh_.next_around(h);
-        if (h == start) break;
       }
       return found;
     }

@@ -7,23 +7,28 @@
 
 namespace quadrig {
 
-/// A bone and its share of a face or vertex.
-struct BoneShare {
-  Index bone = no_index;
-  double weight = 0;
-};
-
 /// The bones of each face by falling weight, and the fields ω_k = k (w_k − w_{k+1}) made of them. Σ_k ω_k = 1 where
 /// the weights sum to 1: ω_1 = 1 on the skin of one bone, ω_2 = 1 where two bones share alike.
 class Dominance {
  public:
-  /// \pre weights have one row a vertex
+  /// From the weights alone, a column a bone.
   /// Threads: those of the context. \cost O(stored weights) time and memory. Source: thesis 4.1.
-  /// \fails bad_input where the weights have another number of rows than the mesh has vertices, or of columns than the
-  ///   skeleton has bones; cancelled, where there is a context to ask.
+  /// \fails bad_input where the weights have another number of rows than the mesh has vertices; cancelled, where there
+  ///   is a context.
+  template <class Scalar>
+  [[nodiscard]] static Expected<Dominance> create(const TriangleMesh<Scalar>& mesh, const SkinWeights& weights,
+                                                  const Context* context = nullptr);
+  /// The same for the weights of a rig. \fails bad_input too where they have not one column a bone of the skeleton
   template <class Scalar>
   [[nodiscard]] static Expected<Dominance> create(const TriangleMesh<Scalar>& mesh, const Rig& rig,
-                                                  const Context* context = nullptr);
+                                                  const Context* context = nullptr) {
+    if (rig.weights.cols() != rig.skeleton.bone_count())
+      return Error{ErrorCode::bad_input,
+                   std::to_string(rig.weights.cols()) + " columns of weights for " +
+                       std::to_string(rig.skeleton.bone_count()) + " bones",
+                   "skin weights", "give one column of weights a bone"};
+    return create(mesh, rig.weights, context);
+  }
 
   [[nodiscard]] Index face_count() const { return static_cast<Index>(starts_.size()) - 1; }
   /// Bones with a positive share of a face, falling weight, ties by bone index.
@@ -47,8 +52,8 @@ class Dominance {
   [[nodiscard]] Vector3 gradient_omega1(const TriangleMesh<Scalar>& mesh, Index face) const {
     Vector3 gradient = Vector3::Zero();
     if (!(mesh.area(face) > 0)) return gradient;
-    for (Index h = 3 * face; h < 3 * face + 3; ++h) {
-      const auto across = static_cast<std::size_t>(mesh.origin(TriangleMesh<Scalar>::prev(h)));
+    for (const Index h : mesh.halfedges_of(face)) {
+      const auto across = detail::at(mesh.origin(mesh.prev(h)));
       gradient += vertex_omega1_[across] * mesh.normal(face).cross(mesh.edge_vector(h)).template cast<double>();
     }
     return gradient / (2 * static_cast<double>(mesh.area(face)));
@@ -61,18 +66,13 @@ class Dominance {
 };
 
 template <class Scalar>
-Expected<Dominance> Dominance::create(const TriangleMesh<Scalar>& mesh, const Rig& rig, const Context* context) {
-  const SkinWeights& weights = rig.weights;
+Expected<Dominance> Dominance::create(const TriangleMesh<Scalar>& mesh, const SkinWeights& weights,
+                                      const Context* context) {
   if (weights.rows() != mesh.vertex_count())
     return Error{
         ErrorCode::bad_input,
         std::to_string(weights.rows()) + " rows of weights for " + std::to_string(mesh.vertex_count()) + " vertices",
         "skin weights", "give one row of weights a vertex"};
-  if (weights.cols() != rig.skeleton.bone_count())
-    return Error{ErrorCode::bad_input,
-                 std::to_string(weights.cols()) + " columns of weights for " +
-                     std::to_string(rig.skeleton.bone_count()) + " bones",
-                 "skin weights", "give one column of weights a bone"};
 
   // Faces in runs, each run's shares in a list of its own until all are known.
   constexpr std::size_t run = 16'384;
@@ -115,9 +115,7 @@ Expected<Dominance> Dominance::create(const TriangleMesh<Scalar>& mesh, const Ri
       }
       result.starts_[f + 1] = touched.size();
       touched.clear();
-      std::sort(shares.begin() + own, shares.end(), [](const BoneShare& a, const BoneShare& b) {
-        return a.weight != b.weight ? a.weight > b.weight : a.bone < b.bone;
-      });
+      std::sort(shares.begin() + own, shares.end(), BoneShare::stronger);
     }
   });
   for (std::size_t f = 0; f < m; ++f) result.starts_[f + 1] += result.starts_[f];

@@ -216,10 +216,10 @@ class QuadraticForm {
     return fill(terms);
   }
 
-  // Asks at every so many rows; what is assembled is of no use then.
+  // Polled every 8192 rows; the assembled system is invalid afterwards.
   [[nodiscard]] bool cancelled(std::size_t row) const { return row % 8192 == 0 && context_ && context_->cancelled(); }
 
-  // To so many zeros, in steps: the first touch of much memory takes its time. False once cancelled.
+  // `size` zeros, in steps: touching much new memory takes long. False once cancelled.
   template <class T>
   [[nodiscard]] bool grow(std::vector<T>& list, std::size_t size) const {
     list.clear();

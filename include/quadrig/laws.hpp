@@ -1,4 +1,4 @@
-// Checkers for what users write themselves: their own energy terms and their own solver backends.
+// Checkers for extensions by users: energy terms and solver backends.
 #pragma once
 
 #include <random>

@@ -4,12 +4,31 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <numbers>
+#include <span>
 
 #include <Eigen/Geometry>
 
 #include "quadrig/context.hpp"
 
 namespace quadrig {
+
+/// The numbers [first, last), for loops.
+class IndexRange {
+ public:
+  struct Iterator {
+    Index at;
+    Index operator*() const { return at; }
+    Iterator& operator++() { return ++at, *this; }
+    bool operator==(const Iterator&) const = default;
+  };
+  constexpr IndexRange(Index first, Index last) : first_(first), last_(last) {}
+  [[nodiscard]] Iterator begin() const { return {first_}; }
+  [[nodiscard]] Iterator end() const { return {last_}; }
+
+ private:
+  Index first_, last_;
+};
 
 /// An oriented edge-manifold triangle mesh. Half-edge h = 3 f + i runs from corner i of face f to corner (i + 1) % 3;
 /// corner (f, i) and half-edge 3 f + i share their number. Immutable after creation.
@@ -23,9 +42,20 @@ class TriangleMesh {
   /// Takes n×3 positions and m×3 faces, counter-clockwise.
   /// \fails bad_input on an index out of range, a position that is not finite, a face with a repeated vertex, an edge
   ///   with more than two faces, two faces that run an edge the same way, or a vertex whose faces form more than one
-  ///   fan: names the face, edge or vertex. `prepare` mends what can be mended.
+  ///   fan: names the face, edge or vertex. `prepare` repairs what can be repaired.
   /// \cost O(m log m) time, 56 m + 28 n bytes in double.
   [[nodiscard]] static Expected<TriangleMesh> create(Points<Scalar> positions, Triangles faces);
+  /// The same from other matrices, as Eigen::MatrixXd and MatrixXi.
+  /// \fails bad_input too where they do not have 3 columns: names the matrix
+  template <EigenMatrix V, EigenMatrix F>
+  requires(!(std::is_same_v<V, Points<Scalar>> && std::is_same_v<F, Triangles>))
+      [[nodiscard]] static Expected<TriangleMesh> create(const V& positions, const F& faces) {
+    Expected<Points<Scalar>> points = with_columns<3>(positions, "positions");
+    if (!points) return points.error();
+    Expected<Triangles> triangles = with_columns<3>(faces, "faces");
+    if (!triangles) return triangles.error();
+    return create(std::move(*points), std::move(*triangles));
+  }
 
   [[nodiscard]] Index vertex_count() const { return static_cast<Index>(positions_.rows()); }
   [[nodiscard]] Index face_count() const { return static_cast<Index>(faces_.rows()); }
@@ -37,6 +67,8 @@ class TriangleMesh {
   [[nodiscard]] const Triangles& faces() const { return faces_; }
 
   [[nodiscard]] static Index face_of(Index halfedge) { return halfedge / 3; }
+  /// The three half-edges of a face: `for (Index h : mesh.halfedges_of(f))`.
+  [[nodiscard]] static IndexRange halfedges_of(Index face) { return {3 * face, 3 * face + 3}; }
   [[nodiscard]] static Index next(Index halfedge) { return halfedge % 3 == 2 ? halfedge - 2 : halfedge + 1; }
   [[nodiscard]] static Index prev(Index halfedge) { return halfedge % 3 == 0 ? halfedge + 2 : halfedge - 1; }
   /// The half-edge across, or no_index on the boundary.
@@ -57,6 +89,9 @@ class TriangleMesh {
     const Index across = twin(halfedge);
     return across == no_index ? no_index : next(across);
   }
+  /// Every half-edge that leaves the vertex, counter-clockwise from `outgoing`: `for (Index h : mesh.around(v))`. None
+  /// for a vertex without faces.
+  [[nodiscard]] auto around(Index vertex) const { return Around{this, outgoing(vertex)}; }
   [[nodiscard]] bool on_boundary(Index vertex) const {
     const Index h = outgoing(vertex);
     return h != no_index && twin(h) == no_index;
@@ -83,12 +118,41 @@ class TriangleMesh {
   }
 
  private:
+  struct Around {
+    struct End {};
+    struct Iterator {
+      const TriangleMesh* mesh;
+      Index at, first;
+      Index operator*() const { return at; }
+      Iterator& operator++() {
+        at = mesh->next_around(at);
+        if (at == first) at = no_index;
+        return *this;
+      }
+      bool operator==(End) const { return at == no_index; }
+    };
+    const TriangleMesh* mesh;
+    Index first;
+    [[nodiscard]] Iterator begin() const { return {mesh, first, first}; }
+    [[nodiscard]] End end() const { return {}; }
+  };
+
   Points<Scalar> positions_, normals_;
   Triangles faces_;
   Eigen::Matrix<Scalar, Eigen::Dynamic, 1> areas_;
   std::vector<Index> twins_, outgoing_;
   Index interior_edges_ = 0;
 };
+
+/// Half the cotangent of the angle across from a half-edge, held within [1e-3, 1e3]: positive, so that values without
+/// sources stay between those of their neighbours whatever the triangles' shape, and bounded, so that no needle
+/// outweighs the rest. The sum over the half-edges of an edge is its weight in the Laplacian (Pinkall and Polthier
+/// 1993).
+template <class Scalar>
+[[nodiscard]] double half_cotangent(const TriangleMesh<Scalar>& mesh, Index halfedge) {
+  const double angle = static_cast<double>(mesh.corner_angle(mesh.prev(halfedge)));
+  return std::clamp(0.5 / std::tan(angle), 1e-3, 1e3);
+}
 
 /// A point of a surface: a face and its barycentric coordinates (≥ 0, sum 1).
 struct SurfacePoint {
@@ -123,7 +187,7 @@ template <class Scalar>
     while (!stack.empty()) {
       const Index face = stack.back();
       stack.pop_back();
-      for (Index h = 3 * face; h < 3 * face + 3; ++h) {
+      for (const Index h : mesh.halfedges_of(face)) {
         const Index across = mesh.twin(h);
         if (across == no_index || result.of_face[static_cast<std::size_t>(across / 3)] != no_index) continue;
         result.of_face[static_cast<std::size_t>(across / 3)] = component;
@@ -138,11 +202,14 @@ namespace detail {
 
 struct SortedSide {
   Index low, high, halfedge;  ///< the edge's vertices, low ≤ high
+  [[nodiscard]] static SortedSide of(Index a, Index b, Index halfedge) {
+    return {std::min(a, b), std::max(a, b), halfedge};
+  }
   [[nodiscard]] bool same_edge(const SortedSide& other) const { return low == other.low && high == other.high; }
 };
 
-/// The half-edges [0, count) in the order of their edges, each with the ends that `ends(h)` tells; those of one edge
-/// ascend. \pre ends in [0, vertices). \cost O(count) where few edges share a vertex
+/// The half-edges [0, count) in the order of their edges, as `ends(h)` returns them; those of one edge ascend.
+/// \pre ends in [0, vertices). \cost O(count) where few edges share a vertex
 template <class Ends>
 [[nodiscard]] std::vector<SortedSide> sorted_by_edge(Index vertices, Index count, Ends&& ends) {
   std::vector<Index> begin(static_cast<std::size_t>(vertices) + 1, 0);
@@ -161,12 +228,31 @@ template <class Ends>
   return sides;
 }
 
+/// The same of polygons with as many corners each: half-edge k f + i runs from corner i of row f to the next.
+template <int corners>
+[[nodiscard]] std::vector<SortedSide> sorted_by_edge(
+    Index vertices, const Eigen::Matrix<Index, Eigen::Dynamic, corners, Eigen::RowMajor>& faces) {
+  return sorted_by_edge(vertices, static_cast<Index>(faces.size()), [&](Index h) {
+    const Index f = h / corners, i = h % corners;
+    return SortedSide::of(faces(f, i), faces(f, i + 1 < corners ? i + 1 : 0), h);
+  });
+}
+
+/// Calls visit(span of sides) for every edge, in order. \pre sides as sorted_by_edge returns them
+template <class Visit>
+void for_each_edge(std::span<const SortedSide> sides, Visit&& visit) {
+  for (std::size_t first = 0, last = 0; first < sides.size(); first = last) {
+    while (last < sides.size() && sides[last].same_edge(sides[first])) ++last;
+    visit(sides.subspan(first, last - first));
+  }
+}
+
 }  // namespace detail
 
 template <class Scalar>
 Expected<TriangleMesh<Scalar>> TriangleMesh<Scalar>::create(Points<Scalar> positions, Triangles faces) {
   const auto fail = [](std::string what, std::string where) {
-    return Error{ErrorCode::bad_input, std::move(what), std::move(where), "run prepare() to mend the input"};
+    return Error{ErrorCode::bad_input, std::move(what), std::move(where), "run prepare() to repair the input"};
   };
   const Index n = static_cast<Index>(positions.rows()), m = static_cast<Index>(faces.rows());
   for (Index v = 0; v < n; ++v)
@@ -184,11 +270,7 @@ Expected<TriangleMesh<Scalar>> TriangleMesh<Scalar>::create(Points<Scalar> posit
   mesh.twins_.assign(static_cast<std::size_t>(3 * m), no_index);
   mesh.outgoing_.assign(static_cast<std::size_t>(n), no_index);
 
-  const auto ends = [&](Index h) {
-    const Index a = mesh.origin(h), b = mesh.target(h);
-    return detail::SortedSide{std::min(a, b), std::max(a, b), h};
-  };
-  const std::vector<detail::SortedSide> sides = detail::sorted_by_edge(n, 3 * m, ends);
+  const std::vector<detail::SortedSide> sides = detail::sorted_by_edge(n, mesh.faces_);
   for (std::size_t first = 0, last = 0; first < sides.size(); first = last) {
     while (last < sides.size() && sides[last].same_edge(sides[first])) ++last;
     const auto place = [&] {
@@ -210,13 +292,8 @@ Expected<TriangleMesh<Scalar>> TriangleMesh<Scalar>::create(Points<Scalar> posit
     if (mesh.outgoing_[v] == no_index || mesh.twin(h) == no_index) mesh.outgoing_[v] = h;
   }
   for (Index v = 0; v < n; ++v) {
-    const Index start = mesh.outgoing(v);
-    if (start == no_index) continue;
-    Index seen = 0, h = start;
-    do {
-      ++seen;
-      h = mesh.next_around(h);
-    } while (h != no_index && h != start);
+    Index seen = 0;
+    for ([[maybe_unused]] const Index h : mesh.around(v)) ++seen;
     if (seen != corners[static_cast<std::size_t>(v)])
       return fail("faces around the vertex form more than one fan", "vertex " + std::to_string(v));
   }

@@ -1,4 +1,4 @@
-// Smoothing along the surface that inverts nothing: quads become rectangles of their own size, the worst ones first.
+// Smoothing along the surface without inversions: quads become rectangles of their own size, the worst ones first.
 #pragma once
 
 #include "quadrig/closest.hpp"
@@ -13,8 +13,8 @@ struct PolishOptions {
   double freed = 0.3;     ///< patches around quads below this are evened out, and the rounds repeated
   double wanted = 0.5;    ///< vertices of quads below this are also searched for a better place
 
-  /// \fails bad_option, naming the field
-  [[nodiscard]] Status validate() const;
+  /// \fails bad_option, names the field.
+  [[nodiscard]] QUADRIG_INLINE Status validate() const;
 };
 
 struct PolishReport {

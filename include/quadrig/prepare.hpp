@@ -1,5 +1,5 @@
-// The door: everything a raw mesh and its weights may have wrong is found here once, mended or refused by name; and
-// the refinement that later stages ask for.
+// Input validation and repair: every defect of a raw mesh or its weights is either repaired or rejected with a named
+// error. And refinement, for later stages.
 #pragma once
 
 #include <array>
@@ -14,13 +14,13 @@ namespace quadrig {
 /// n×b, one row a vertex: the type of SkinWeights (rig.hpp).
 using VertexWeights = Eigen::SparseMatrix<double, Eigen::RowMajor, Index>;
 
-/// Polygons as a file or a modeller has them; nothing is promised about them.
+/// Polygons as a file or a modeller provides them, valid or not.
 struct PolygonMesh {
   Points<double> positions;         ///< n×3
   std::vector<Index> corners;       ///< the vertices of all polygons, one polygon after another
   std::vector<Index> first_corner;  ///< p + 1 entries: polygon i has corners [first_corner[i], first_corner[i + 1])
 
-  // What some files tell beside the surface; empty where they do not.
+  // What some files hold in addition to the surface; else empty.
   std::vector<Index> material;              ///< p, a number for each name
   std::vector<Index> texture;               ///< one a corner: alike where the texture coordinates are; no_index: none
   std::vector<std::array<Index, 2>> lines;  ///< vertices that a line is drawn between
@@ -41,6 +41,16 @@ struct PolygonMesh {
   }
   /// The same triangles as polygons. \cost O(m)
   [[nodiscard]] static PolygonMesh from_triangles(Points<double> positions, const Triangles& faces);
+  /// The same from other matrices. \fails bad_input where one has not 3 columns
+  template <EigenMatrix V, EigenMatrix F>
+  requires(RuntimeColumns<V> || RuntimeColumns<F>)
+      [[nodiscard]] static Expected<PolygonMesh> from_triangles(const V& positions, const F& faces) {
+    Expected<Points<double>> points = with_columns<3>(positions, "positions");
+    if (!points) return points.error();
+    const Expected<Triangles> triangles = with_columns<3>(faces, "faces");
+    if (!triangles) return triangles.error();
+    return from_triangles(std::move(*points), *triangles);
+  }
 };
 
 /// Triangles that cover polygons.
@@ -70,14 +80,14 @@ struct PrepareOptions {
   Weld weld = Weld::seams;
   double weld_distance = 0;       ///< positions at most this far apart count as one; units of the mesh
   double flat_ratio = 1e-9;       ///< a face whose height is at most this share of its longest edge has no area
-  double weight_tolerance = 0.1;  ///< largest |sum − 1|, and largest excess over [0, 1], that is mended by rescaling
+  double weight_tolerance = 0.1;  ///< largest |sum − 1|, and largest excess over [0, 1], that is repaired by rescaling
   bool orient_outward = true;     ///< closed parts are turned outward, cavities inward
 
   /// \fails bad_option, names the field.
   [[nodiscard]] Status validate() const;
 };
 
-/// What was found, and what was mended: one count a kind.
+/// The defects that were found and repaired: one count a kind.
 struct PrepareReport {
   Index input_vertices = 0, input_polygons = 0, polygons_cut = 0;  ///< polygons_cut: polygons of more than 3 corners
   Index doubled_vertices = 0;       ///< used vertices that share their position with an earlier one, welded or not
@@ -108,9 +118,9 @@ struct Prepared {
   PrepareReport report;
 };
 
-/// Checks and mends a mesh and, where given, its weights (one row a vertex of `input`), so that TriangleMesh's
+/// Checks and repairs a mesh and, where given, its weights (one row a vertex of `input`), so that TriangleMesh's
 /// conditions hold, no face is flat and weights are non-negative and sum to 1. Each kind of repair that was made is
-/// counted in the report and told to `context` as a warning.
+/// counted in the report and added to the warnings of `context`.
 ///
 /// Edges of more than two faces are paired around the edge so that the paired faces bound the same solid, else the
 /// flattest pair first; vertices are then doubled so that each has one fan. Parts are oriented consistently, closed
@@ -133,6 +143,12 @@ struct Refinement {
 struct RefineOptions {
   /// Upper bound of faces in the result; refused before memory is taken beyond it.
   Index max_faces = 50'000'000;
+
+  /// \fails bad_option, names the field.
+  [[nodiscard]] Status validate() const {
+    if (max_faces >= 1) return {};
+    return Error{ErrorCode::bad_option, "max_faces is out of range", "RefineOptions", "give 1 or more"};
+  }
 };
 
 /// Bisects edges until none is longer than its target: `target_length(face)` of either source face beside it, in the

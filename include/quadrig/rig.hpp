@@ -1,4 +1,4 @@
-// Skeleton, skin weights and clips: what makes a mesh move.
+// Skeleton, skin weights and clips.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -13,7 +13,7 @@ struct Bone {
   Vector3 head = Vector3::Zero(), tail = Vector3::Zero();
   /// Bone whose tail (or joint) this one hangs on: transforms are inherited from it. no_index for a root.
   Index parent = no_index;
-  /// False where no direction can be told (a leaf whose surface is round): such bones pull no edge.
+  /// False where no direction is known (a leaf whose surface is round): such bones do not guide edges.
   bool has_direction = true;
   std::string name = {};
 
@@ -31,6 +31,28 @@ struct Skeleton {
 
 /// n×b, one row a vertex, entries ≥ 0, rows sum to 1.
 using SkinWeights = Eigen::SparseMatrix<double, Eigen::RowMajor, Index>;
+
+/// A bone and its share of a vertex or face.
+struct BoneShare {
+  Index bone = no_index;
+  double weight = 0;
+  /// Falling weight, ties by the lower bone.
+  [[nodiscard]] static bool stronger(const BoneShare& a, const BoneShare& b) {
+    return a.weight != b.weight ? a.weight > b.weight : a.bone < b.bone;
+  }
+};
+
+/// Keeps the `influences` strongest shares, strongest first, without those that have no weight, and scales them to sum
+/// 1. Returns false, and leaves nothing, where no share has a weight. \pre each bone once. \cost O(k log k)
+inline bool keep_strongest(std::vector<BoneShare>& shares, Index influences) {
+  std::sort(shares.begin(), shares.end(), BoneShare::stronger);
+  if (shares.size() > detail::at(influences)) shares.resize(detail::at(influences));
+  while (!shares.empty() && !(shares.back().weight > 0)) shares.pop_back();
+  double sum = 0;
+  for (const BoneShare& share : shares) sum += share.weight;
+  for (BoneShare& share : shares) share.weight /= sum;
+  return !shares.empty();
+}
 
 /// One rigid or affine transform per bone, from the rest (bind) pose: posed = transform * rest.
 using Pose = std::vector<Eigen::Affine3d>;

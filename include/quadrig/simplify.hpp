@@ -1,5 +1,5 @@
-// Quads without a map: the surface is simplified, its triangles are paired, and every polygon is split once. Coarse in
-// its manners, but there is no manifold surface for which it has no answer.
+// Quads without a map: the surface is simplified, its triangles are paired, and every polygon is split once. Many
+// irregular vertices, but it succeeds on every manifold surface.
 #pragma once
 
 #include "quadrig/polish.hpp"
@@ -9,8 +9,8 @@ namespace quadrig {
 
 struct SplitOptions {
   Index quads = 2000;  ///< wanted number of quads, ≥ 1
-  /// What evenly spaced vertices are worth against closeness to the surface, ≥ 0: 0 spends all vertices where the
-  /// surface is curved, 1 hardly looks at curvature.
+  /// Weight of even spacing against closeness to the surface, ≥ 0: 0 puts all vertices where the surface is curved,
+  /// 1 nearly ignores curvature.
   double uniformity = 0.05;
   /// Two triangles become one polygon only where none of its four quads has a smaller scaled Jacobian, in (0, 1).
   double pair_quality = 0.3;
@@ -26,7 +26,7 @@ struct SplitReport {
   Index triangles = 0;          ///< faces it was simplified to
   Index pairs = 0;              ///< pairs of them that became one polygon
   Index minimum_count = 0;      ///< above 0 where the surface allowed no fewer quads than this and fewer were wanted
-  Index off_surface = 0;        ///< vertices that had to stay beside the surface for a quad to stay valid
+  Index off_surface = 0;        ///< vertices that had to stay off the surface for a quad to stay valid
   double largest_distance = 0;  ///< of such a vertex to its source, units of the mesh
   double least_jacobian = 0, average_jacobian = 0;  ///< scaled
   double seconds = 0;

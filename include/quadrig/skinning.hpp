@@ -1,4 +1,4 @@
-// Poses and what they do to points: linear blend and dual quaternion skinning, and the bends that a rig is judged by.
+// Poses applied to points: linear blend and dual quaternion skinning, and the bends that a rig is tested with.
 #pragma once
 
 #include <numbers>
@@ -39,6 +39,8 @@ enum class Skinning : std::uint8_t {
 /// \cost O(nonzero weights). \fails never.
 [[nodiscard]] Points<double> skin(const Points<double>& points, const SkinWeights& weights, const Pose& pose,
                                   Skinning method = Skinning::linear_blend);
+template <class... Arguments>
+requires(RuntimeColumns<Arguments> || ...) void skin(const Arguments&...) = delete;  // see with_columns
 
 /// Numbers the bones by equal transforms: bones that share a number move as one body. Numbers ascend from 0.
 [[nodiscard]] std::vector<Index> rigid_groups(const Pose& pose);

@@ -44,7 +44,7 @@ template <SparseScalar K>
   return false;
 }
 
-/// Makes fresh backends: what a stage takes where a user brings a backend of their own.
+/// Makes new backends: how users pass a backend of their own to a stage.
 template <SparseScalar K>
 using SolverFactory = std::function<Expected<AnySolver<K>>()>;
 
@@ -95,16 +95,16 @@ template <SparseScalar K>
   return Error{ErrorCode::bad_option, "there is no such solver", "solver " + std::string(name), "one of: " + known};
 }
 
-/// The factory of a backend by name; its error, if any, comes with the first call.
+/// The factory of a backend by name; the first call returns its error, if any.
 template <SparseScalar K>
 [[nodiscard]] SolverFactory<K> solver_factory(std::string_view name = default_solver_name) {
   return [name = std::string(name)] { return make_solver<K>(name); };
 }
 
-/// What a job solves its systems with, complex or real: a backend by name, or the caller's own.
+/// The solver of a job's systems, complex and real: a backend by name, or the caller's own.
 struct SolverChoice {
   std::string name{default_solver_name};
-  /// In the place of `name` where set, for systems of their numbers alone.
+  /// Used in place of `name` where set, for systems of that number type.
   SolverFactory<Complex> own_complex{};
   SolverFactory<double> own_real{};
 

@@ -4,6 +4,8 @@
 #include <memory>
 #include <span>
 
+#include <Eigen/SparseCore>
+
 #include "quadrig/context.hpp"
 
 namespace quadrig {
@@ -17,14 +19,12 @@ template <class T>
 struct RealOf<std::complex<T>> {
   using type = T;
 };
-}  // namespace detail
 
-namespace detail {
-/// Systems of more unknowns are always dissected and substituted by subtrees, and those of fields are factored in
-/// single precision: what pays for such alone, and would change the last bits of smaller ones.
+/// Above this size: nested dissection, substitution by subtrees and, for fields, mixed precision. Below it they do not
+/// pay, and would change the last bits.
 inline constexpr Index large_system = 300'000;
 
-/// An allocator whose numbers are as the memory was: for many that are written side by side.
+/// An allocator that leaves elements uninitialized, for large arrays that are first written in parallel.
 template <class T>
 struct Untouched : std::allocator<T> {
   template <class U>
@@ -76,9 +76,34 @@ struct HermitianView {
   std::span<const Index> column_starts;  ///< size + 1
   std::span<const Index> rows;
   std::span<const K> values;
-
-  [[nodiscard]] std::size_t nonzero_count() const { return rows.size(); }
 };
+
+/// A view of Eigen's sparse matrix, which it borrows. `lower` holds the lower triangle, as
+/// `A.triangularView<Eigen::Lower>()` of a whole one does.
+/// \fails bad_input where it is not square or not compressed, holds an entry above the diagonal, or lacks one on it:
+///   names the column. \cost O(nonzeros), no copy
+template <SparseScalar K>
+[[nodiscard]] Expected<HermitianView<K>> hermitian_view(const Eigen::SparseMatrix<K, Eigen::ColMajor, Index>& lower) {
+  const auto fail = [](std::string what, Index column, const char* remedy) {
+    return Error{ErrorCode::bad_input, std::move(what), "matrix, column " + std::to_string(column), remedy};
+  };
+  if (lower.rows() != lower.cols() || !lower.isCompressed())
+    return Error{ErrorCode::bad_input, "the matrix is not square and compressed", "matrix", "call makeCompressed()"};
+  const auto n = static_cast<Index>(lower.cols());
+  for (Index j = 0; j < n; ++j) {
+    const Index begin = lower.outerIndexPtr()[j], end = lower.outerIndexPtr()[j + 1];
+    if (begin < end && lower.innerIndexPtr()[begin] < j)
+      return fail("an entry lies above the diagonal", j, "pass A.triangularView<Eigen::Lower>()");
+    if (begin == end || lower.innerIndexPtr()[begin] != j)
+      return fail("the diagonal has no entry", j, "store every entry of the diagonal, also where it is zero");
+  }
+  const auto count = static_cast<std::size_t>(lower.nonZeros());
+  return HermitianView<K>{
+      n, {lower.outerIndexPtr(), detail::at(n) + 1}, {lower.innerIndexPtr(), count}, {lower.valuePtr(), count}};
+}
+/// What it borrows would be gone.
+template <SparseScalar K>
+void hermitian_view(const Eigen::SparseMatrix<K, Eigen::ColMajor, Index>&&) = delete;
 
 /// Lower-triangular storage whose pattern is kept while values change.
 template <class K>

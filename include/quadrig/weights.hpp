@@ -1,4 +1,4 @@
-// Skin weights for a skeleton that comes without: what moves which part of the surface.
+// Skin weights for a skeleton that has none: which bones move which part of the surface.
 #pragma once
 
 #include "quadrig/energy.hpp"
@@ -42,7 +42,7 @@ struct BoundWeights {
   Index bones_outside = 0;  ///< bones none of which lies inside the body: bound through the gap
   Index unmoved_bones = 0;  ///< bones that no vertex follows
 
-  /// One line for the report: how they were made, and what to look at.
+  /// One line for the report: how they were made, and what to check.
   [[nodiscard]] QUADRIG_INLINE std::string summary(const BindOptions& options) const;
 };
 

@@ -4,6 +4,7 @@
 #include <new>
 
 #include "command.hpp"
+#include "version.hpp"
 
 namespace {
 
@@ -38,7 +39,7 @@ int run(int argc, char** argv) {
   app.footer(examples);
   app.require_subcommand(1);
   app.fallthrough();
-  app.set_version_flag("--version", "quadrig " QUADRIG_VERSION);
+  app.set_version_flag("--version", cli::version_text());
   cli::Session session;
   auto* quiet = app.add_flag("-q,--quiet", session.quiet, "Say nothing but errors");
   app.add_flag("-v,--verbose", session.verbose, "Say what each stage found too")->excludes(quiet);

@@ -75,7 +75,7 @@ template <class Scalar>
     const double w1 = first.weight, w2 = second_pulls ? second.weight : 0.0;
 
     if (unit) {
-      // −b⁴/|b|² is the unit cross times |b|²: a bone that stands on the face has no say in it.
+      // −b⁴/|b|² is the unit cross times |b|²: a bone normal to the face has no weight.
       const auto cross = [](Complex b) {
         const double squared = std::norm(b);
         return squared > 0 ? -integer_power(b, 4) / squared : Complex{};

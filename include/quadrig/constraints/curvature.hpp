@@ -1,4 +1,4 @@
-// Curvature of a surface as a measure: what bends at each edge, shared out to the faces beside it.
+// Curvature of a surface as a measure: the bend of each edge, shared between its two faces.
 #pragma once
 
 #include "quadrig/constraints/targets.hpp"

@@ -4,6 +4,7 @@
 #include <span>
 
 #include "quadrig/constraints/targets.hpp"
+#include "quadrig/disjoint_sets.hpp"
 
 namespace quadrig {
 
@@ -16,9 +17,9 @@ template <class Scalar>
   return std::atan2(a.cross(b).norm(), a.dot(b));
 }
 
-/// Half-edges, both of a pair, whose dihedral angle is above the limit and that hang together, by shared vertices, with
+/// Half-edges, both of a pair, whose dihedral angle is above the limit and that are connected, by shared vertices, with
 /// others of at least `least_length` in all: a noisy scan bends sharply at many single edges, a crease runs on. The
-/// least length is asked for at a face of each, so that it may depend on the component.
+/// `least_length` is called with a face of each, so that it may depend on the component.
 /// Ascending. A limit of π or more: none. \cost O(m). \fails never
 template <class Scalar>
 [[nodiscard]] std::vector<Index> crease_halfedges(const TriangleMesh<Scalar>& mesh, double limit_radians,
@@ -26,25 +27,12 @@ template <class Scalar>
   std::vector<Index> creases;
   for (Index h = 0; h < mesh.halfedge_count(); ++h)
     if (mesh.twin(h) != no_index && static_cast<double>(dihedral_angle(mesh, h)) > limit_radians) creases.push_back(h);
-  std::vector<Index> parent(static_cast<std::size_t>(mesh.vertex_count()));
-  for (std::size_t v = 0; v < parent.size(); ++v) parent[v] = static_cast<Index>(v);
-  const auto root = [&](Index v) {
-    while (parent[static_cast<std::size_t>(v)] != v) {
-      Index& up = parent[static_cast<std::size_t>(v)];
-      up = parent[static_cast<std::size_t>(up)];
-      v = up;
-    }
-    return v;
-  };
-  for (const Index h : creases) {
-    const Index a = root(mesh.origin(h)), b = root(mesh.target(h));
-    parent[static_cast<std::size_t>(std::max(a, b))] = std::min(a, b);
-  }
-  std::vector<double> length(parent.size(), 0.0);
-  for (const Index h : creases)
-    length[static_cast<std::size_t>(root(mesh.origin(h)))] += static_cast<double>(mesh.edge_vector(h).norm()) / 2;
-  std::erase_if(creases,
-                [&](Index h) { return length[static_cast<std::size_t>(root(mesh.origin(h)))] < least_length(h / 3); });
+  DisjointSets connected(detail::at(mesh.vertex_count()));
+  for (const Index h : creases) connected.join(mesh.origin(h), mesh.target(h));
+  std::vector<double> length(connected.size(), 0.0);
+  const auto length_of = [&](Index h) -> double& { return length[detail::at(connected.find(mesh.origin(h)))]; };
+  for (const Index h : creases) length_of(h) += static_cast<double>(mesh.edge_vector(h).norm()) / 2;
+  std::erase_if(creases, [&](Index h) { return length_of(h) < least_length(mesh.face_of(h)); });
   return creases;
 }
 template <class Scalar>

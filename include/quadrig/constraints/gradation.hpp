@@ -20,7 +20,7 @@ class SizeGrader {
     }
   }
 
-  /// Of no use once the context, where there is one, is cancelled.
+  /// The sizes are invalid once the context is cancelled.
   void grade(std::vector<double>& sizes, double limit, const Context* context) const {
     using Entry = std::pair<double, Index>;
     std::priority_queue<Entry, std::vector<Entry>, std::greater<>> queue;
@@ -69,7 +69,7 @@ class SizeGrader {
 }
 
 /// The same for a relative density at `count` quads on the whole surface: returns relative densities with mean 1 whose
-/// sizes √A are graded; of no use once cancelled. \pre density > 0, count > 0. \cost a few Dijkstra runs
+/// sizes √A are graded; invalid once cancelled. \pre density > 0, count > 0. \cost a few Dijkstra runs
 [[nodiscard]] inline std::vector<double> graded_density(const TriangleMesh<double>& mesh,
                                                         const std::vector<double>& density, double count,
                                                         double limit = 0.3, const Context& context = {}) {

@@ -38,7 +38,7 @@ class PosedForms {
     Skinning skinning = Skinning::linear_blend;
     /// Weight of each pose; empty: 1 each.
     std::vector<double> pose_weights = {};
-    /// Weight of the rest pose beside them.
+    /// Weight of the rest pose, in addition to them.
     double rest_weight = 1;
     /// Rounds of averaging of the vertex normals with their neighbours' before they are differentiated.
     Index smoothing = 1;

@@ -73,7 +73,7 @@ struct VertexRings {
 /// One object serves many poses in turn: its arrays are as long as the mesh, its work is not.
 class FormEvaluator {
  public:
-  /// `context`, where there is one, is asked within `run`, which then leaves early and is of no use any more.
+  /// `run` polls `context`, where there is one, and returns early once it is cancelled: the result is invalid then.
   FormEvaluator(const TriangleMesh<double>& mesh, const Connection<double>& connection, const VertexRings& rings,
                 Index smoothing, const Context* context = nullptr)
       : mesh_(mesh),
@@ -237,7 +237,7 @@ inline std::vector<Index> all_vertices(const TriangleMesh<double>& mesh) {
   return all;
 }
 
-/// The form of each face at rest, of weight 1; of no use once the context is cancelled.
+/// The form of each face at rest, of weight 1; invalid once the context is cancelled.
 inline std::vector<PosedForms::Form> rest_forms(const TriangleMesh<double>& mesh, const Connection<double>& connection,
                                                 const VertexRings& rings, Index smoothing, const Context* context) {
   std::vector<PosedForms::Form> forms(static_cast<std::size_t>(mesh.face_count()));
@@ -495,7 +495,7 @@ QUADRIG_INLINE Expected<PosedMetric> posed_metric(const TriangleMesh<double>& me
   for (std::size_t f = 0; f < m; ++f) sum += mesh.area(static_cast<Index>(f)) * bounded[f];
   for (std::size_t f = 0; f < m; ++f) metric.density[f] = bounded[f] * (area / sum);
 
-  // What turning by 45° costs; noise on flat parts, a small share of the error that counts at all, has no say.
+  // The cost of turning by 45°. Noise on flat parts, where the error is a small share of the whole, is left out.
   const double noise = 0.1 * flat * flat * flat;
   for (std::size_t f = 0; f < m; ++f)
     if (error_at_45[f] > 0)

@@ -25,7 +25,7 @@ class Polisher {
     std::tie(report.least_before, report.average_before) = statistics();
     report.rounds += rounds(options_.rounds, context);
     std::tie(report.least_after, report.average_after) = statistics();
-    // Quads that no single vertex can free: even out a patch around them, whatever that does, and go on from there.
+    // Quads that no single vertex can improve: even out a patch around them, accept any result, and go on from it.
     for (const int rings : {2, 3, 5, 8}) {
       if (report.least_after > options_.freed || context.cancelled()) break;
       const auto positions = quads_.positions;
@@ -98,15 +98,9 @@ class Polisher {
   /// Border vertices of the quads slide along border half-edges of the mesh; corners of the border stay.
   void find_border() {
     if (mesh_.closed()) return;
-    std::vector<std::array<Index, 2>> sides;
-    for (Index q = 0; q < quads_.quad_count(); ++q)
-      for (int i = 0; i < 4; ++i) sides.push_back({quads_.quads(q, i), quads_.quads(q, (i + 1) % 4)});
-    const auto key = [](const std::array<Index, 2>& s) { return std::minmax(s[0], s[1]); };
-    std::sort(sides.begin(), sides.end(), [&](const auto& a, const auto& b) { return key(a) < key(b); });
-    for (std::size_t k = 0, last = 0; k < sides.size(); k = last) {
-      while (last < sides.size() && key(sides[last]) == key(sides[k])) ++last;
-      if (last - k != 1) continue;
-      for (const Index v : sides[k]) {
+    for_each_edge(sorted_by_edge(quads_.vertex_count(), quads_.quads), [&](std::span<const SortedSide> edge) {
+      if (edge.size() != 1) return;
+      for (const Index v : {edge[0].low, edge[0].high}) {
         if (rail_[at(v)] != no_index || fixed_[at(v)]) continue;
         const SurfacePoint& s = quads_.source[at(v)];
         for (int e = 0; e < 3; ++e)
@@ -120,7 +114,7 @@ class Polisher {
         }
         if (rail_[at(v)] == no_index || corners_.at(v).size() != 2) fixed_[at(v)] = 1;
       }
-    }
+    });
   }
 
   /// Vertices on kept edges slide along them; those at corners of these, or where other than four quads meet, stay.

@@ -1,4 +1,4 @@
-// The door: the order of the repairs, the weights, and the report.
+// The order of the repairs, the weights, and the report.
 #pragma once
 
 #include "quadrig/prepare.hpp"
@@ -109,17 +109,17 @@ QUADRIG_INLINE Expected<Prepared> prepare(const PolygonMesh& input, const Vertex
   report.unreferenced_vertices = static_cast<Index>(std::count(used.begin(), used.end(), 0));
 
   // First what repeats another face: the two sides of a two-sided triangle would hide each other's open edges.
-  Groups alone(work.source.size());
+  DisjointSets alone(work.source.size());
   if (context.cancelled()) return cancelled_error("prepare");
   apply_groups(work, alone, report);
   if (context.cancelled()) return cancelled_error("prepare");
-  Groups welded = weld(work, options, report, context);
+  DisjointSets welded = weld(work, options, report, context);
   if (context.cancelled()) return cancelled_error("prepare");
   apply_groups(work, welded, report);
   if (context.cancelled()) return cancelled_error("prepare");
   make_manifold(work, options, report, context);
   for (int pass = 0; pass < 8 && !context.cancelled(); ++pass) {
-    Groups groups(work.source.size());
+    DisjointSets groups(work.source.size());
     if (!remove_flat_faces(work, options.flat_ratio, groups, report)) break;
     PrepareReport ignored;
     apply_groups(work, groups, ignored);

@@ -8,6 +8,7 @@ namespace quadrig {
 QUADRIG_INLINE Expected<Refinement> refine(const TriangleMesh<double>& mesh,
                                            function_ref<double(Index face)> target_length, const RefineOptions& options,
                                            Context& context) {
+  if (Status status = options.validate(); !status) return status.error();
   std::vector<double> target(static_cast<std::size_t>(mesh.face_count()));
   for (Index f = 0; f < mesh.face_count(); ++f) {
     target[static_cast<std::size_t>(f)] = target_length(f);
@@ -15,7 +16,7 @@ QUADRIG_INLINE Expected<Refinement> refine(const TriangleMesh<double>& mesh,
       return Error{ErrorCode::bad_option, "target length is not positive", "face " + std::to_string(f),
                    "give a length above 0"};
   }
-  // Each part of a side belongs to a piece of its own: what is bound to be too many is known at once.
+  // Each part of a side belongs to one piece: a lower bound of their number rejects the hopeless cases early.
   double pieces_least = 0;
   for (Index f = 0; f < mesh.face_count(); ++f) {
     double longest = 0;

@@ -4,39 +4,15 @@
 #include <numbers>
 #include <set>
 
+#include "quadrig/disjoint_sets.hpp"
 #include "quadrig/prepare.hpp"
 #include "quadrig/prepare/triangulate.ipp"
 
 namespace quadrig::prepare_detail {
 
-/// Disjoint sets; the lowest member stands for its set.
-class Groups {
- public:
-  explicit Groups(std::size_t n) : parent_(n) {
-    for (std::size_t i = 0; i < n; ++i) parent_[i] = static_cast<Index>(i);
-  }
-  [[nodiscard]] Index find(Index v) {
-    while (parent_[static_cast<std::size_t>(v)] != v) {
-      Index& up = parent_[static_cast<std::size_t>(v)];
-      up = parent_[static_cast<std::size_t>(up)];
-      v = up;
-    }
-    return v;
-  }
-  bool join(Index a, Index b) {
-    a = find(a), b = find(b);
-    if (a == b) return false;
-    parent_[static_cast<std::size_t>(std::max(a, b))] = std::min(a, b);
-    return true;
-  }
-
- private:
-  std::vector<Index> parent_;
-};
-
 using Face = std::array<Index, 3>;
 
-/// The mesh while it is mended. Vertices are those of the input, then those made by splitting.
+/// The mesh while it is repaired. Vertices are those of the input, then those made by splitting.
 struct Work {
   Points<double> positions;
   std::vector<Face> faces;
@@ -55,6 +31,7 @@ struct Work {
 
 /// One side of an undirected edge: half-edge 3 f + i runs from corner i of face f.
 using Side = detail::SortedSide;
+using detail::for_each_edge;
 
 inline std::vector<Side> sorted_sides(const std::vector<Face>& faces) {
   Index vertices = 0;
@@ -63,17 +40,8 @@ inline std::vector<Side> sorted_sides(const std::vector<Face>& faces) {
   return detail::sorted_by_edge(vertices, static_cast<Index>(3 * faces.size()), [&](Index h) {
     const Face& face = faces[static_cast<std::size_t>(h / 3)];
     const Index a = face[static_cast<std::size_t>(h % 3)], b = face[static_cast<std::size_t>((h % 3 + 1) % 3)];
-    return Side{std::min(a, b), std::max(a, b), h};
+    return Side::of(a, b, h);
   });
-}
-
-/// Calls visit(first, last) for the sides of each undirected edge.
-template <class Visit>
-void for_each_edge(const std::vector<Side>& sides, Visit&& visit) {
-  for (std::size_t first = 0, last = 0; first < sides.size(); first = last) {
-    while (last < sides.size() && sides[last].same_edge(sides[first])) ++last;
-    visit(std::span<const Side>(sides).subspan(first, last - first));
-  }
 }
 
 inline double diagonal(const Points<double>& positions) {
@@ -81,10 +49,11 @@ inline double diagonal(const Points<double>& positions) {
   return (positions.colwise().maxCoeff() - positions.colwise().minCoeff()).norm();
 }
 
-/// Joins what `options.weld` asks for and the ends of edges without length; some of them once cancelled.
-inline Groups weld(const Work& work, const PrepareOptions& options, PrepareReport& report, const Context& context) {
+/// Joins vertices by `options.weld`, and the ends of edges without length; incomplete once cancelled.
+inline DisjointSets weld(const Work& work, const PrepareOptions& options, PrepareReport& report,
+                         const Context& context) {
   const std::size_t n = work.source.size();
-  Groups groups(n);
+  DisjointSets groups(n);
   std::vector<char> used(n, 0), open(n, 0);
   for (const Face& face : work.faces)
     for (const Index v : face) used[static_cast<std::size_t>(v)] = 1;
@@ -137,7 +106,7 @@ inline Groups weld(const Work& work, const PrepareOptions& options, PrepareRepor
 }
 
 /// Names vertices by their groups; drops faces that repeat a vertex and faces that repeat a face.
-inline void apply_groups(Work& work, Groups& groups, PrepareReport& report) {
+inline void apply_groups(Work& work, DisjointSets& groups, PrepareReport& report) {
   std::vector<std::pair<Face, std::size_t>> keys;
   for (std::size_t f = 0; f < work.faces.size(); ++f) {
     Face& face = work.faces[f];
@@ -322,7 +291,7 @@ inline void orient(Work& work, std::vector<Index>& twin, const PrepareOptions& o
 
 /// Doubles vertices so that the faces around each, joined through twins, form one fan.
 inline void split_fans(Work& work, const std::vector<Index>& twin, PrepareReport& report) {
-  Groups fans(3 * work.faces.size());
+  DisjointSets fans(3 * work.faces.size());
   const auto vertex = [&](Index corner) -> Index& {
     return work.faces[static_cast<std::size_t>(corner / 3)][static_cast<std::size_t>(corner % 3)];
   };
@@ -429,8 +398,8 @@ inline double flatness(const Work& work, const Face& face, std::size_t* longest 
 }
 
 /// Removes faces without area: the longest edge is flipped, so that the neighbour takes over; at an open edge the face
-/// goes. What no flip mends is joined to the nearer end in `groups`. \pre manifold. Returns whether it changed faces.
-inline bool remove_flat_faces(Work& work, double ratio, Groups& groups, PrepareReport& report) {
+/// goes. What no flip repairs is joined to the nearer end in `groups`. \pre manifold. Returns whether it changed faces.
+inline bool remove_flat_faces(Work& work, double ratio, DisjointSets& groups, PrepareReport& report) {
   bool changed = false;
   for (int round = 0; round < 8; ++round) {
     std::vector<Index> flat;

@@ -47,10 +47,12 @@ struct DeformationFigures {
                                                              std::span<const Pose> poses,
                                                              const DeformationOptions& options, Context& context);
 
-/// Weights for points that know no place on the surface: those of the closest one, all influences kept.
+/// Weights for points without a source on the surface: those of the closest point, all influences kept.
 /// \fails as transfer_weights
 [[nodiscard]] Expected<SkinWeights> closest_weights(const TriangleMesh<double>& surface, const SkinWeights& weights,
                                                     const Points<double>& points);
+template <class... Arguments>
+requires(RuntimeColumns<Arguments> || ...) void closest_weights(const Arguments&...) = delete;  // see with_columns
 
 }  // namespace quadrig
 

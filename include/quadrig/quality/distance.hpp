@@ -16,34 +16,43 @@ namespace quadrig {
 /// \pre indices in range, count ≥ 0. \cost O(m + count). \fails never.
 [[nodiscard]] std::vector<SurfacePoint> sample_surface(const Points<double>& positions, const Triangles& faces,
                                                        Index count, std::uint64_t seed);
+template <class... Arguments>
+requires(RuntimeColumns<Arguments> || ...) void sample_surface(const Arguments&...) = delete;  // see with_columns
 
 /// Where points of a triangle surface are, a row each. \cost O(points)
 [[nodiscard]] Points<double> positions_at(const Points<double>& positions, const Triangles& faces,
                                           std::span<const SurfacePoint> points);
+template <class... Arguments>
+requires(RuntimeColumns<Arguments> || ...) void positions_at(const Arguments&...) = delete;  // see with_columns
 
 /// Distances of points from a surface, in the units of the mesh.
 struct DistanceFigures {
   double maximum = 0, mean = 0, rms = 0;
 };
 struct SurfaceDistance {
-  DistanceFigures to_input;    ///< from the quads to the input: what bulges
-  DistanceFigures from_input;  ///< from the input to the quads: what is missing
-  /// The larger maximum: the Hausdorff distance, as far as the samples tell.
+  DistanceFigures to_input;    ///< from the quads to the input: large where they bulge
+  DistanceFigures from_input;  ///< from the input to the quads: large where parts are missing
+  /// The larger maximum: the Hausdorff distance, estimated at the samples.
   [[nodiscard]] double hausdorff() const { return std::max(to_input.maximum, from_input.maximum); }
 };
 
 struct DistanceOptions {
-  Index samples = 50000;  ///< a surface, beside all its vertices
+  Index samples = 50000;  ///< a surface, in addition to all its vertices
   std::uint64_t seed = 7;
+
+  /// \fails bad_option, names the field.
+  [[nodiscard]] QUADRIG_INLINE Status validate() const;
 };
 
 /// Distances both ways between two surfaces of triangles, at their vertices and at samples; means over the samples
-/// alone. \pre indices in range. \cost O((m + samples) log m). \fails bad_input where one of them has no area;
-/// cancelled
+/// alone. \pre indices in range. \cost O((m + samples) log m). \fails bad_option by validate(); bad_input where one
+/// of them has no area; cancelled
 [[nodiscard]] Expected<SurfaceDistance> surface_distance(const Points<double>& input_positions,
                                                          const Triangles& input_faces, const Points<double>& positions,
                                                          const Triangles& faces, const DistanceOptions& options,
                                                          Context& context);
+template <class... Arguments>
+requires(RuntimeColumns<Arguments> || ...) void surface_distance(const Arguments&...) = delete;  // see with_columns
 /// The same for quads, cut along the diagonal of their first corner.
 [[nodiscard]] inline Expected<SurfaceDistance> surface_distance(const TriangleMesh<double>& input, const QuadMesh& mesh,
                                                                 const DistanceOptions& options, Context& context) {

@@ -55,11 +55,16 @@ QUADRIG_INLINE Points<double> positions_at(const Points<double>& positions, cons
   return result;
 }
 
+QUADRIG_INLINE Status DistanceOptions::validate() const {
+  if (samples < 1) return Error{ErrorCode::bad_option, "less than 1", "samples", "give 1 or more"};
+  return {};
+}
+
 QUADRIG_INLINE Expected<SurfaceDistance> surface_distance(const Points<double>& input_positions,
                                                           const Triangles& input_faces, const Points<double>& positions,
                                                           const Triangles& faces, const DistanceOptions& options,
                                                           Context& context) {
-  if (options.samples < 1) return Error{ErrorCode::bad_option, "less than 1", "samples", "give 1 or more"};
+  if (Status status = options.validate(); !status) return status.error();
   bool flat = false;
   const auto one_way = [&](const Points<double>& from, const Triangles& from_faces, const Points<double>& to,
                            const Triangles& to_faces) {

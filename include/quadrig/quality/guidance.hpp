@@ -30,10 +30,14 @@ struct GuidanceFigures {
 struct GuidanceOptions {
   double rule_limit = 0.9;        ///< ω1 above which one bone rules
   double least_projection = 0.2;  ///< a bone nearer to the surface normal than this (sine) has no direction there
+
+  /// \fails bad_option, names the field.
+  [[nodiscard]] QUADRIG_INLINE Status validate() const;
 };
 
 /// \pre mesh.source lies on `input`; its skin weights have one row a vertex and one column a bone of the skeleton
-/// \cost O(m + n + bones · loops). \fails bad_input where the rig does not fit
+/// \cost O(m + n + bones · loops). \fails bad_option by validate(); bad_input where the rig
+/// does not fit
 [[nodiscard]] Expected<GuidanceFigures> guidance_figures(const TriangleMesh<double>& input, const Rig& rig,
                                                          const QuadMesh& mesh, const GuidanceOptions& options = {});
 
@@ -41,6 +45,8 @@ struct GuidanceOptions {
 /// quad q to the next; every vertex on them is interior and has four edges. Each loop once, by its lowest half-edge.
 /// \pre an oriented manifold. \cost O(m log m)
 [[nodiscard]] std::vector<std::vector<Index>> edge_loops(const Quads& quads);
+template <class... Arguments>
+requires(RuntimeColumns<Arguments> || ...) void edge_loops(const Arguments&...) = delete;  // see with_columns
 
 }  // namespace quadrig
 

@@ -15,39 +15,22 @@ QUADRIG_INLINE std::vector<std::vector<Index>> edge_loops(const Quads& quads) {
   const auto sides = static_cast<std::size_t>(quads.size());
   const auto next = [](std::size_t h) { return h % 4 == 3 ? h - 3 : h + 1; };
   const auto origin = [&](std::size_t h) { return quads.data()[h]; };
-  struct Side {
-    Index low, high;
-    std::size_t halfedge;
-  };
-  std::vector<Side> order(sides);
-  Index vertices = 0;
-  for (std::size_t h = 0; h < sides; ++h) {
-    const Index a = origin(h), b = origin(next(h));
-    order[h] = {std::min(a, b), std::max(a, b), h};
-    vertices = std::max(vertices, order[h].high + 1);
-  }
-  std::sort(order.begin(), order.end(), [](const Side& a, const Side& b) {
-    return std::tuple(a.low, a.high, a.halfedge) < std::tuple(b.low, b.high, b.halfedge);
-  });
+  const Index vertices = sides > 0 ? quads.maxCoeff() + 1 : 0;
   constexpr std::size_t none = std::numeric_limits<std::size_t>::max();
   std::vector<std::size_t> twin(sides, none);
-  std::vector<Index> valence(static_cast<std::size_t>(vertices), 0);
-  std::vector<Index> open(static_cast<std::size_t>(vertices), 0);  // sides without a twin
-  for (std::size_t k = 0; k < sides; ++k) {
-    const auto low = static_cast<std::size_t>(order[k].low), high = static_cast<std::size_t>(order[k].high);
-    const bool first = k == 0 || order[k - 1].low != order[k].low || order[k - 1].high != order[k].high;
-    if (first) {
-      ++valence[low];
-      ++valence[high];
-      ++open[low];
-      ++open[high];
-    } else if (twin[order[k - 1].halfedge] == none) {
-      twin[order[k - 1].halfedge] = order[k].halfedge;
-      twin[order[k].halfedge] = order[k - 1].halfedge;
-      --open[low];
-      --open[high];
+  std::vector<Index> valence(detail::at(vertices), 0);
+  std::vector<char> open(detail::at(vertices), 0);  // has a side without a twin
+  detail::for_each_edge(detail::sorted_by_edge(vertices, quads), [&](std::span<const detail::SortedSide> edge) {
+    const auto low = detail::at(edge[0].low), high = detail::at(edge[0].high);
+    ++valence[low];
+    ++valence[high];
+    if (edge.size() != 2) {
+      open[low] = open[high] = 1;
+      return;
     }
-  }
+    twin[detail::at(edge[0].halfedge)] = detail::at(edge[1].halfedge);
+    twin[detail::at(edge[1].halfedge)] = detail::at(edge[0].halfedge);
+  });
   const auto straight_on = [&](std::size_t h) {  // the edge opposite at the target, or none
     const auto v = static_cast<std::size_t>(origin(next(h)));
     if (valence[v] != 4 || open[v] != 0) return none;
@@ -86,8 +69,17 @@ inline int winding(const std::vector<Vector3>& polygon, const Vector3& centre, c
 
 }  // namespace detail
 
+QUADRIG_INLINE Status GuidanceOptions::validate() const {
+  for (const auto& [field, value] : {std::pair("rule_limit", rule_limit), {"least_projection", least_projection}})
+    if (!(value >= 0 && value <= 1))
+      return Error{ErrorCode::bad_option, std::string(field) + " is out of range", "GuidanceOptions",
+                   "give a number in [0, 1]"};
+  return {};
+}
+
 QUADRIG_INLINE Expected<GuidanceFigures> guidance_figures(const TriangleMesh<double>& input, const Rig& rig,
                                                           const QuadMesh& mesh, const GuidanceOptions& options) {
+  if (Status status = options.validate(); !status) return status.error();
   const Expected<Dominance> created = Dominance::create(input, rig);
   if (!created) return created.error();
   const Dominance& dominance = *created;

@@ -50,6 +50,8 @@ struct ShapeStatistics {
 
 /// \pre corners are vertices of the mesh. \cost O(m log m). \fails never; zeros without quads.
 [[nodiscard]] ShapeStatistics shape_statistics(const Points<double>& positions, const Quads& quads);
+template <class... Arguments>
+requires(RuntimeColumns<Arguments> || ...) void shape_statistics(const Arguments&...) = delete;  // see with_columns
 
 /// The value below which the share `q` in [0, 1] of the values lies, interpolated linearly; 0 of none. \cost O(n)
 template <class Scalar>

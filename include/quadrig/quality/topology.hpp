@@ -1,28 +1,10 @@
-// Edges, fans and components of polygons that may be anything: what statistics and the validity check share.
+// Edges, fans and components of arbitrary polygons: shared by statistics and the validity check.
 #pragma once
 
-#include <numeric>
-
+#include "quadrig/disjoint_sets.hpp"
 #include "quadrig/prepare.hpp"
 
 namespace quadrig::detail {
-
-/// Disjoint sets of numbers; the lowest member stands for its set.
-class DisjointSets {
- public:
-  explicit DisjointSets(std::size_t n) : up_(n) { std::iota(up_.begin(), up_.end(), std::size_t{0}); }
-  [[nodiscard]] std::size_t find(std::size_t i) {
-    while (up_[i] != i) i = up_[i] = up_[up_[i]];
-    return i;
-  }
-  void join(std::size_t i, std::size_t j) {
-    i = find(i), j = find(j);
-    up_[std::max(i, j)] = std::min(i, j);
-  }
-
- private:
-  std::vector<std::size_t> up_;
-};
 
 struct PolygonTopology {
   /// An undirected edge and the corners whose polygon runs along it, corner to next corner, ascending.
@@ -66,29 +48,23 @@ struct PolygonTopology {
       }
     }
     const auto vertex = [&](std::size_t corner) { return static_cast<std::size_t>(mesh.corners[corner]); };
-    const auto low = [&](std::size_t c) { return std::min(mesh.corners[c], mesh.corners[next[c]]); };
-    const auto high = [&](std::size_t c) { return std::max(mesh.corners[c], mesh.corners[next[c]]); };
-    sides.resize(corner_count);
-    std::iota(sides.begin(), sides.end(), std::size_t{0});
-    std::sort(sides.begin(), sides.end(), [&](std::size_t c, std::size_t d) {
-      return std::tuple(low(c), high(c), c) < std::tuple(low(d), high(d), d);
-    });
-
+    const auto ends = [&](Index c) { return SortedSide::of(mesh.corners[at(c)], mesh.corners[next[at(c)]], c); };
     // Corners of a vertex belong to one fan when an edge at that vertex joins them.
     DisjointSets fan(corner_count), shell(valence.size()), border(valence.size());
-    for (std::size_t first = 0; first < corner_count;) {
-      Edge edge{low(sides[first]), high(sides[first]), first, first, 0};
-      while (edge.last < corner_count && low(sides[edge.last]) == edge.low && high(sides[edge.last]) == edge.high) {
-        edge.forward += mesh.corners[sides[edge.last]] < mesh.corners[next[sides[edge.last]]];
-        ++edge.last;
+    sides.reserve(corner_count);
+    const auto sorted = sorted_by_edge(mesh.vertex_count(), static_cast<Index>(corner_count), ends);
+    for_each_edge(sorted, [&](std::span<const SortedSide> of_edge) {
+      Edge edge{of_edge[0].low, of_edge[0].high, sides.size(), sides.size() + of_edge.size(), 0};
+      for (const SortedSide& side : of_edge) {
+        sides.push_back(at(side.halfedge));
+        edge.forward += mesh.corners[sides.back()] < mesh.corners[next[sides.back()]];
       }
-      first = edge.last;
       for (std::size_t k = edge.first + 1; k < edge.last; ++k)
         for (const Index v : {edge.low, edge.high}) {
-          const auto at = [&](std::size_t side) { return mesh.corners[side] == v ? side : next[side]; };
-          fan.join(at(sides[k - 1]), at(sides[k]));
+          const auto corner = [&](std::size_t side) { return mesh.corners[side] == v ? side : next[side]; };
+          fan.join(corner(sides[k - 1]), corner(sides[k]));
         }
-      const auto a = static_cast<std::size_t>(edge.low), b = static_cast<std::size_t>(edge.high);
+      const auto a = at(edge.low), b = at(edge.high);
       ++valence[a];
       ++valence[b];
       shell.join(a, b);
@@ -98,7 +74,7 @@ struct PolygonTopology {
       }
       if (edge.faces() > 2) on_nonmanifold[a] = on_nonmanifold[b] = 1;
       edges.push_back(edge);
-    }
+    });
     for (std::size_t c = 0; c < corner_count; ++c)
       if (fan.find(c) == c) ++fans[vertex(c)];
     for (std::size_t v = 0; v < valence.size(); ++v) {

@@ -315,13 +315,13 @@ class Decimator {
       const auto turned = [&](const Vector3& from_here) {
         return !(now.dot(from_here) > rule.cosine * now.norm() * from_here.norm());
       };
-      // A needle's own normal may say little: the ring's is as good.
+      // A needle's own normal may be noise: that of its ring is used.
       if (turned(old) && (old_quality > 0.05 || turned(ring))) return false;
     }
     return true;
   }
 
-  /// Of a collapse that hardly moves anything: faces narrower than noise have no shape to keep.
+  /// For collapses that move almost nothing: faces narrower than noise have no shape to keep.
   bool keeps_large_faces(Index from, Index to) const {
     for (const Index f : around_[at(from)]) {
       Face face = faces_[at(f)];

@@ -81,55 +81,40 @@ class Pairing {
   }
 
   void join(double least_quality) {
-    struct Side {
-      Index low, high, halfedge;
-    };
-    std::vector<Side> sides;
     degree_.assign(positions_->size(), 0);
     incident_.resize(faces_.size());
     mate_.assign(faces_.size(), no_index);
-    for (Index f = 0; f < static_cast<Index>(faces_.size()); ++f)
-      for (Index i = 0; i < 3; ++i) {
-        const Index a = faces_[at(f)][at(i)], b = faces_[at(f)][at((i + 1) % 3)];
-        sides.push_back({std::min(a, b), std::max(a, b), 3 * f + i});
-      }
-    std::sort(sides.begin(), sides.end(), [](const Side& a, const Side& b) {
-      return std::array{a.low, a.high, a.halfedge} < std::array{b.low, b.high, b.halfedge};
+    const auto vertices = static_cast<Index>(positions_->size());
+    const std::vector<SortedSide> sides = sorted_by_edge(vertices, static_cast<Index>(3 * faces_.size()), [&](Index h) {
+      return SortedSide::of(faces_[at(h / 3)][at(h % 3)], faces_[at(h / 3)][at((h + 1) % 3)], h);
     });
-    const auto twins = [&](std::size_t s) {
-      return s + 1 < sides.size() && sides[s].low == sides[s + 1].low && sides[s].high == sides[s + 1].high;
-    };
     std::vector<double> alone(faces_.size());
     for (Index f = 0; f < static_cast<Index>(faces_.size()); ++f)
       alone[at(f)] = split_quality(faces_[at(f)], normal(f));
     // A vertex on the boundary may lose more edges: its boundary edges stay, and half as many stand for a full turn.
-    for (std::size_t s = 0; s < sides.size(); ++s) {
-      const int count = twins(s) ? 2 : 1;
-      degree_[at(sides[s].low)] += count == 1 ? 2 : 1;
-      degree_[at(sides[s].high)] += count == 1 ? 2 : 1;
-      if (count == 2) ++s;
-    }
-    for (std::size_t s = 0; s < sides.size(); ++s) {
-      if (!twins(s)) continue;
-      const Index h = sides[s].halfedge, k = sides[s + 1].halfedge;
-      ++s;
+    for_each_edge(sides, [&](std::span<const SortedSide> edge) {
+      for (const Index v : {edge[0].low, edge[0].high}) degree_[at(v)] += edge.size() == 1 ? 2 : 1;
+    });
+    for_each_edge(sides, [&](std::span<const SortedSide> edge) {
+      if (edge.size() != 2) return;
+      const Index h = edge[0].halfedge, k = edge[1].halfedge;
       const Index f = h / 3, g = k / 3;
       const Index a = faces_[at(f)][at(h % 3)], b = faces_[at(f)][at((h + 1) % 3)];
       const Index c = corner(f, h + 2), d = corner(g, k + 2);
-      if (c == d) continue;
+      if (c == d) return;
       const Vector3 n1 = normal(f), n2 = normal(g);
-      if (!(n1.dot(n2) > 0.5)) continue;
+      if (!(n1.dot(n2) > 0.5)) return;
       const std::array<Index, 4> quad{a, d, corner(f, h + 1), c};
       const double quality = split_quality(quad, n1 + n2);
       // Slivers are thin alone as well: a pair that is no worse is welcome.
-      if (!(quality > 0 && quality >= std::min({least_quality, alone[at(f)], alone[at(g)]}))) continue;
+      if (!(quality > 0 && quality >= std::min({least_quality, alone[at(f)], alone[at(g)]}))) return;
       const auto e = static_cast<Index>(edges_.size());
       // Edges between vertices of many edges go first: that evens out the valences of the quads.
       const double evening = 0.08 * (std::clamp(degree_[at(a)], 4, 9) + std::clamp(degree_[at(b)], 4, 9) - 12);
       edges_.push_back({std::min(f, g), std::max(f, g), quad, quality + evening - (1 - n1.dot(n2))});
       incident_[at(f)].push_back(e);
       incident_[at(g)].push_back(e);
-    }
+    });
   }
 
   [[nodiscard]] Index corner(Index f, Index h) const { return faces_[at(f)][at(h % 3)]; }

@@ -36,7 +36,7 @@ class SplitPlacer {
     return {};
   }
 
-  /// Tries again for the vertices beside the surface, from where all of them have been moved to since.
+  /// Retries the vertices off the surface, from the current positions of all.
   void retry(const QuadMesh& quads) {
     const double tolerance = 1e-9 * mesh_.diagonal();
     bool all = true;
@@ -53,7 +53,7 @@ class SplitPlacer {
     make_room();
   }
 
-  /// The quads; the source of a vertex that stayed beside the surface is the point next to it.
+  /// The quads; the source of a vertex off the surface is the closest point.
   [[nodiscard]] QuadMesh result() {
     QuadMesh quads;
     quads.positions.resize(vertex_count(), 3);
@@ -98,36 +98,38 @@ class SplitPlacer {
     }
     corners_ = vertex_count();  // those on the boundary are marked below
 
-    struct Side {
-      Index low, high;
+    struct Place {
       std::size_t polygon, side;
     };
-    std::vector<Side> sides;
+    std::vector<Place> places;  // of each half-edge
+    std::vector<SortedSide> ends;
     for (std::size_t p = 0; p < polygons.size(); ++p)
       for (std::size_t i = 0; i < polygons[p].size(); ++i) {
         const Index a = number[at(polygons[p].corner[i])];
         const Index b = number[at(polygons[p].corner[(i + 1) % polygons[p].size()])];
-        sides.push_back({std::min(a, b), std::max(a, b), p, i});
+        ends.push_back(SortedSide::of(a, b, static_cast<Index>(ends.size())));
+        places.push_back({p, i});
       }
-    std::sort(sides.begin(), sides.end(), [](const Side& a, const Side& b) {
-      return std::tie(a.low, a.high, a.polygon, a.side) < std::tie(b.low, b.high, b.polygon, b.side);
-    });
+    const std::vector<SortedSide> sides =
+        sorted_by_edge(corners_, static_cast<Index>(ends.size()), [&](Index h) { return ends[at(h)]; });
     std::vector<std::array<Index, 4>> middle(polygons.size());
-    for (std::size_t s = 0; s < sides.size(); ++s) {
-      const bool inner = s + 1 < sides.size() && sides[s].low == sides[s + 1].low && sides[s].high == sides[s + 1].high;
-      const SplitPolygon& polygon = polygons[sides[s].polygon];
+    for_each_edge(sides, [&](std::span<const SortedSide> edge) {
+      const Index low = edge[0].low, high = edge[0].high;
+      const auto [first, side] = places[at(edge[0].halfedge)];
+      const SplitPolygon& polygon = polygons[first];
       Vertex vertex;
-      vertex.border = !inner;
-      if (!inner) vertices_[at(sides[s].low)].border = vertices_[at(sides[s].high)].border = true;
-      vertex.anchors[0] = number[at(polygon.corner[sides[s].side])];  // in the direction of the face
-      vertex.anchors[1] = number[at(polygon.corner[(sides[s].side + 1) % polygon.size()])];
-      vertex.flat = (vertices_[at(sides[s].low)].flat + vertices_[at(sides[s].high)].flat) / 2;
+      vertex.border = edge.size() == 1;
+      if (vertex.border) vertices_[at(low)].border = vertices_[at(high)].border = true;
+      vertex.anchors[0] = number[at(polygon.corner[side])];  // in the direction of the face
+      vertex.anchors[1] = number[at(polygon.corner[(side + 1) % polygon.size()])];
+      vertex.flat = (vertices_[at(low)].flat + vertices_[at(high)].flat) / 2;
       vertex.position = vertex.flat;
-      middle[sides[s].polygon][sides[s].side] = vertex_count();
-      if (inner) middle[sides[s + 1].polygon][sides[s + 1].side] = vertex_count();
+      for (const SortedSide& each : edge) {
+        const Place& place = places[at(each.halfedge)];
+        middle[place.polygon][place.side] = vertex_count();
+      }
       vertices_.push_back(vertex);
-      s += inner;
-    }
+    });
     for (std::size_t p = 0; p < polygons.size(); ++p) {
       const std::size_t n = polygons[p].size();
       Vertex vertex;
@@ -222,7 +224,7 @@ class SplitPlacer {
     return border_.between(vertices_[at(vertex.anchors[0])].goal, vertices_[at(vertex.anchors[1])].goal, share);
   }
 
-  /// All at once to their goals; what a quad cannot bear goes back step by step, at last to where it is flat.
+  /// Moves all to their goals; vertices of invalid quads go back step by step, at last to where the quad is flat.
   void approach() {
     constexpr std::array<double, 5> steps{1, 0.75, 0.5, 0.25, 0};
     std::vector<std::size_t> level(vertices_.size(), 0);
@@ -267,7 +269,7 @@ class SplitPlacer {
     return true;
   }
 
-  /// Looks for a place on the surface for a vertex that is beside it: its goal, then around where it is now.
+  /// Searches a place on the surface for a vertex that is off it: its goal, then around its position.
   bool settle(Index v) {
     const Vertex& vertex = vertices_[at(v)];
     if (try_place(v, vertex.goal)) return true;

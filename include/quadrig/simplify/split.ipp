@@ -25,8 +25,8 @@ inline double faces_crossed(const TriangleMesh<double>& mesh, const QuadMesh& qu
   return sum / (4.0 * std::max<Index>(quads.quad_count(), 1));
 }
 
-/// Polishes while that pays. Where a quad would lose its positive scaled Jacobian, or nearly so, its vertices go back
-/// to where they were, then those of the quads that this spoils, at worst to the beginning.
+/// Polishes while that improves the quads. Where a quad would lose its positive scaled Jacobian, or nearly so, its
+/// vertices go back to where they were, then those of the quads that this spoils, at worst to the beginning.
 inline void polish_split(const TriangleMesh<double>& mesh, const PolishOptions& options, QuadMesh& quads,
                          Context& context) {
   if (faces_crossed(mesh, quads) > 100) return;  // nothing but needles: every step would take a walk over them all
@@ -68,7 +68,8 @@ QUADRIG_INLINE Status SplitOptions::validate() const {
   if (quads < 1) return bad("quads", "ask for 1 or more");
   if (!(uniformity >= 0) || !std::isfinite(uniformity)) return bad("uniformity", "give 0 or more");
   if (!(pair_quality > 0 && pair_quality < 1)) return bad("pair_quality", "give a number between 0 and 1");
-  return {};
+  if (Status status = polish.validate(); !status.ok()) return status;
+  return refine.validate();
 }
 
 QUADRIG_INLINE Expected<SplitQuads> split_quads(const TriangleMesh<double>& mesh, const SplitOptions& options,

@@ -192,7 +192,7 @@ template <class K>
 
 /// Marks the entries that no group may grow along where some unknowns are `kept` apart: those of kept ones, and those
 /// between two unknowns that the kept ones do not pull alike, once the one's value is carried to the other. A jump by
-/// the kept ones' values can lie there, which no value of a group would tell from none.
+/// the kept ones' values can lie there, which no value of a group distinguishes from none.
 template <class K>
 [[nodiscard]] std::vector<char> across_jumps(const SparseRows<K>& A, std::span<const char> kept,
                                              std::span<const real_of<K>> diagonal) {

@@ -7,16 +7,25 @@
 namespace quadrig {
 
 struct AutomaticOptions {
-  /// What the factor may take. The same on every machine unless the caller says otherwise, as the choice must be.
+  /// Largest factor. The same on every machine unless the caller sets it, since the choice decides the last bits.
   double factor_bytes = 8e9;
-  /// Systems in double of at least so many unknowns are factored in single precision, which is quicker where a
+  /// Systems in double of at least this many unknowns are factored in single precision, which is quicker where a
   /// factorization serves few right-hand sides.
   Index mixed_from = std::numeric_limits<Index>::max();
   double mixed_tolerance = MixedOptions().tolerance;  ///< of those
+
+  /// \fails bad_option, names the field.
+  [[nodiscard]] Status validate() const {
+    if (!(factor_bytes >= 0))
+      return Error{ErrorCode::bad_option, "factor_bytes is out of range", "AutomaticOptions", "give 0 or more"};
+    if (mixed_from < 0)
+      return Error{ErrorCode::bad_option, "mixed_from is out of range", "AutomaticOptions", "give 0 or more"};
+    return MixedOptions{.tolerance = mixed_tolerance}.validate();
+  }
 };
 
 /// Supernodal Cholesky, under the ordering that elimination_order chooses, where the pattern's factor stays within the
-/// limit, in mixed precision where the options say so; multigrid above it. `description()` tells which.
+/// limit, in mixed precision where the options say so; multigrid above it. `description()` says which.
 template <SparseScalar K>
 class AutomaticSolver {
  public:
@@ -33,6 +42,7 @@ class AutomaticSolver {
   }
 
   Status analyze(const HermitianView<K>& A, std::span<const Index> order, Context& context) {
+    if (Status status = options_.validate(); !status.ok()) return status;
     analyzed_ = false;
     iterative_.reset();
     mixed_.reset();

@@ -32,6 +32,19 @@ concept SolverBackend = requires(S& solver, HermitianView<K> A, std::span<const 
   { solver.solve(b, x, context) } -> std::same_as<SolveInfo>;
 };
 
+/// Whether `order` lists the unknowns [0, size), each once; an empty order does, too: the backend finds its own.
+/// \fails bad_input, in the words of `solver`. \cost O(size)
+[[nodiscard]] inline Status check_order(std::span<const Index> order, Index size, std::string_view solver) {
+  if (order.empty()) return {};
+  std::vector<char> seen(detail::at(size), 0);
+  bool sound = order.size() == seen.size();
+  for (std::size_t k = 0; sound && k < order.size(); ++k)
+    sound = order[k] >= 0 && order[k] < size && !std::exchange(seen[detail::at(order[k])], char{1});
+  if (sound) return {};
+  return Error{ErrorCode::bad_input, "the elimination order is not a permutation of the unknowns",
+               "solver " + std::string(solver), "list every unknown once, or pass an empty order"};
+}
+
 namespace detail {
 
 /// Calls one(b, x, context) for each of several right-hand sides, side by side where `parallel` says so.
@@ -105,14 +118,14 @@ class AnySolver {
     return model_->solve_all(b, x, count, context);
   }
   /// From the x that is given until |A x − b| / |b| is within `tolerance`, by a backend that iterates and has a
-  /// function of this name; others solve as ever.
+  /// function of this name; others solve from 0.
   SolveInfo improve(std::span<const K> b, std::span<K> x, double tolerance, Context& context) {
     return model_->improve(b, x, tolerance, context);
   }
 
-  /// The order of the last analysis where the backend tells, by a function of this name, else empty.
+  /// The order of the last analysis if the backend provides `elimination_order()`, else empty.
   [[nodiscard]] std::span<const Index> elimination_order() const { return model_->elimination_order(); }
-  /// What the backend chose, in words, where it tells by a function of this name; else its name.
+  /// What the backend chose, in words, if it provides `description()`; else its name.
   [[nodiscard]] std::string description() const { return model_->description(); }
 
   /// Analyzes where `pattern_version` is not that of the last call, then factorizes.

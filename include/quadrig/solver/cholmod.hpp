@@ -52,9 +52,7 @@ requires(std::is_same_v<real_of<K>, double>) class Cholmod {
       common_.method[0].ordering = ordering_;
       factor_ = cholmod_analyze(&matrix, &common_);
     } else {
-      if (order.size() != static_cast<std::size_t>(A.size))
-        return Error{ErrorCode::bad_input, "the elimination order is not a permutation of the unknowns",
-                     "solver cholmod", "list every unknown once, or pass an empty order"};
+      if (Status status = check_order(order, A.size, "cholmod"); !status.ok()) return status;
       std::vector<int> permutation(order.begin(), order.end());
       common_.method[0].ordering = CHOLMOD_GIVEN;
       factor_ = cholmod_analyze_p(&matrix, permutation.data(), nullptr, 0, &common_);

@@ -6,8 +6,8 @@
 namespace quadrig {
 
 struct DissectionOptions {
-  /// Pieces of at most so many unknowns are ordered by minimum degree. 0: 160, and 3000 of more than 300,000, where it
-  /// saves a third of the time for a twentieth more fill.
+  /// Pieces of at most this many unknowns are ordered by minimum degree. 0: 160, and 3000 of more than 300,000, where
+  /// it saves a third of the time for a twentieth more fill.
   Index leaf = 0;
   double slack = 0.2;  ///< a separator may lie anywhere within this share of the unknowns from the middle
 };

@@ -15,7 +15,7 @@ inline constexpr Index front_large = sizeof(Real) == 4 ? 128 : std::numeric_limi
 inline constexpr Index front_deep = 64;
 
 #if defined(__GNUC__)
-/// Tiles of target −= left · rightᴴ in vectors of so many bytes. Each entry is summed over the depth in its own order
+/// Tiles of target −= left · rightᴴ in vectors of `bytes` bytes. Each entry is summed over the depth in its own order
 /// and by the same operations whatever the width, so that every processor gives the same bits, but where it fuses.
 template <class K, int bytes>
 struct FrontTile {

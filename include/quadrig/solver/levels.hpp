@@ -68,14 +68,13 @@ class MultigridLevels {
     }
     if (made.size() == 1) kept_ = 0;  // nothing is smoothed, and nothing stands last
     const HermitianMatrix<K> last = lower_columns(matrix(made.size() - 1));
-    coarsest_ = SupernodalCholesky<K>();
+    coarsest_ = coarsest_solver();
     Context own;
     own.threads = 1;
     if (Status status = coarsest_.analyze(last.view(), {}, own); !status.ok()) return status;
     if (Status status = coarsest_.factorize(last.view(), own); !status.ok()) {
       Error error = status.error();
-      error.where = made.size() == 1 ? "solver multigrid" + error.where.substr(error.where.find(','))
-                                     : std::string("solver multigrid, coarsest level");
+      if (made.size() > 1) error.where = "solver multigrid, coarsest level";  // its unknowns have no number outside
       return error;
     }
 
@@ -138,6 +137,10 @@ class MultigridLevels {
     return order;
   }
 
+  static SupernodalCholesky<K> coarsest_solver() {
+    return SupernodalCholesky<K>(Ordering::automatic, 0, large_system + 1, "multigrid");
+  }
+
   struct Level {
     BlockedRows<L> matrix;
     SparseRows<L> prolong, restrict_to;
@@ -177,7 +180,7 @@ class MultigridLevels {
   }
 
   std::vector<Level> levels_;
-  SupernodalCholesky<K> coarsest_;
+  SupernodalCholesky<K> coarsest_ = coarsest_solver();
   std::vector<Index> order_;
   Index kept_ = 0;
   real_of<K> factor_ = 1;  // of the matrices of all levels

@@ -9,6 +9,12 @@ namespace quadrig {
 struct MixedOptions {
   Ordering ordering = Ordering::automatic;  ///< what `analyze` uses where it is given no order
   double tolerance = 1e-12;                 ///< of |A x − b| / |b|; never below what the number type can hold
+
+  /// \fails bad_option, names the field.
+  [[nodiscard]] Status validate() const {
+    if (tolerance > 0 && tolerance < 1) return {};
+    return Error{ErrorCode::bad_option, "tolerance is out of range", "MixedOptions", "give a number in (0, 1)"};
+  }
 };
 
 /// SupernodalCholesky of the matrix, its diagonal scaled to 1, in single precision: half the memory and half the time.
@@ -22,16 +28,19 @@ class MixedCholesky {
   using Real = real_of<K>;
   using Rough = std::conditional_t<std::is_same_v<K, Real>, float, std::complex<float>>;
 
-  explicit MixedCholesky(MixedOptions options = {}) : options_(options), rough_(options.ordering, negligible, 0) {}
+  explicit MixedCholesky(MixedOptions options = {})
+      : options_(options), rough_(options.ordering, negligible, 0, name()) {}
 
   [[nodiscard]] static constexpr std::string_view name() { return "supernodal-mixed"; }
 
-  /// \fails bad_input where `order` is not a permutation of the unknowns; cancelled.
+  /// \fails bad_option by MixedOptions::validate(); bad_input where `order` is not a permutation of the unknowns;
+  ///   cancelled.
   Status analyze(const HermitianView<K>& A, std::span<const Index> order, Context& context) {
+    if (Status status = options_.validate(); !status.ok()) return status;
     factorized_ = false;
     exact_.reset();
     if (Status status = rough_.analyze({A.size, A.column_starts, A.rows, {}}, order, context); !status.ok())
-      return renamed(status);
+      return status;
     matrix_.analyze(A, rough_.elimination_order(), context);
     return context.cancelled() ? Status(cancelled_error(where())) : Status();
   }
@@ -63,7 +72,7 @@ class MixedCholesky {
     if (context.cancelled()) return cancelled_error(where());
     const Status status = rough_.factorize({A.size, A.column_starts, A.rows, scaled}, context);
     if (!status.ok()) {
-      if (status.error().code != ErrorCode::numeric) return renamed(status);
+      if (status.error().code != ErrorCode::numeric) return status;
       if (Status again = factorize_exactly(context); !again.ok()) return again;
     }
     factorized_ = true;
@@ -109,13 +118,6 @@ class MixedCholesky {
     return static_cast<std::size_t>(i);
   }
   static std::string where() { return "solver " + std::string(name()); }
-  static Status renamed(Status status) {
-    if (status.ok()) return status;
-    Error error = status.error();
-    error.where.replace(0, std::string_view("solver supernodal").size(), where());
-    return error;
-  }
-
   static Status unsolved(std::string what) {
     return Error{ErrorCode::numeric, std::move(what), where(), "check the matrix"};
   }
@@ -124,9 +126,9 @@ class MixedCholesky {
     const auto pattern = rough_.matrix();
     const std::vector<K> values = matrix_.given_values();
     const HermitianView<K> A{pattern.size, pattern.column_starts, pattern.rows, values};
-    SupernodalCholesky<K> exact;
-    if (Status status = exact.analyze(A, rough_.elimination_order(), context); !status.ok()) return renamed(status);
-    if (Status status = exact.factorize(A, context); !status.ok()) return renamed(status);
+    SupernodalCholesky<K> exact(options_.ordering, 0, detail::large_system + 1, name());
+    if (Status status = exact.analyze(A, rough_.elimination_order(), context); !status.ok()) return status;
+    if (Status status = exact.factorize(A, context); !status.ok()) return status;
     exact_ = std::move(exact);
     return {};
   }
@@ -138,9 +140,7 @@ class MixedCholesky {
       if (info.status.ok() || info.status.error().code != ErrorCode::numeric) return info;
       if (Status status = factorize_exactly(context); !status.ok()) return {.status = status};
     }
-    SolveInfo info = exact_->solve(b, x, context);
-    info.status = renamed(std::move(info.status));
-    return info;
+    return exact_->solve(b, x, context);
   }
 
   // Of one solve, in the order of elimination.

@@ -9,6 +9,17 @@ struct MultigridOptions {
   double tolerance = 1e-12;  ///< of |A x − b| / |b|; never below what the number type can hold
   Index max_iterations = 500;
   Index coarsest = 500;  ///< unknowns that are left to a direct solver
+
+  /// \fails bad_option, names the field.
+  [[nodiscard]] Status validate() const {
+    const auto fail = [](const char* field, const char* remedy) {
+      return Error{ErrorCode::bad_option, std::string(field) + " is out of range", "MultigridOptions", remedy};
+    };
+    if (!(tolerance > 0 && tolerance < 1)) return fail("tolerance", "give a number in (0, 1)");
+    if (max_iterations < 1) return fail("max_iterations", "give 1 or more");
+    if (coarsest < 1) return fail("coarsest", "give 1 or more");
+    return {};
+  }
 };
 
 /// Conjugate gradients, preconditioned by one cycle of smoothed aggregation whose prolongation carries phases: an
@@ -31,19 +42,11 @@ class MultigridCg {
   [[nodiscard]] static constexpr std::string_view name() { return "multigrid"; }
 
   /// The pattern alone says nothing about levels: they are made with the values. `order` is not needed.
-  /// \fails bad_input where `order` is given and is not a permutation.
+  /// \fails bad_option by MultigridOptions::validate(); bad_input where `order` is given and is not a permutation.
   Status analyze(const HermitianView<K>& A, std::span<const Index> order, Context&) {
     ready_ = false;
-    if (!order.empty()) {
-      std::vector<char> seen(detail::to_size(A.size), 0);
-      bool sound = order.size() == seen.size();
-      for (std::size_t k = 0; sound && k < order.size(); ++k)
-        sound = order[k] >= 0 && order[k] < A.size && !std::exchange(seen[detail::to_size(order[k])], char{1});
-      if (!sound)
-        return Error{ErrorCode::bad_input, "the elimination order is not a permutation of the unknowns",
-                     "solver multigrid", "list every unknown once, or pass an empty order"};
-    }
-    return {};
+    if (Status status = options_.validate(); !status.ok()) return status;
+    return check_order(order, A.size, name());
   }
 
   /// Makes the levels. \fails numeric where a diagonal entry, or the coarsest matrix, shows that the matrix is not

@@ -1,4 +1,4 @@
-// A Hermitian matrix by rows, in the order of elimination: what an iteration beside a factor multiplies by.
+// A Hermitian matrix by rows, in the order of elimination: for iterations that a factor preconditions.
 #pragma once
 
 #include <memory>
@@ -12,7 +12,7 @@ namespace quadrig::detail {
 template <class K>
 class OrderedRows {
  public:
-  /// Row k is that of the unknown order[k]. The values of A are not read. Of no use once the context is cancelled.
+  /// Row k is that of the unknown order[k]. The values of A are not read. Invalid once the context is cancelled.
   /// \pre a permutation. \cost O(nonzeros)
   void analyze(const HermitianView<K>& A, std::span<const Index> order, const Context& context) {
     auto pattern = std::make_shared<Pattern>();

@@ -21,7 +21,7 @@ enum class Ordering : std::uint8_t {
 struct EliminationOrder {
   std::vector<Index> unknowns;  ///< the k-th to be eliminated
   Ordering ordering = Ordering::minimum_degree;
-  /// Of two numbers of the matrix, in a factorization; 0 where the automatic choice is plain from the size.
+  /// Multiplications of the numeric factorization; 0 if the size alone decided.
   double multiplications = 0;
 };
 

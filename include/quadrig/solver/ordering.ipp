@@ -12,7 +12,7 @@ QUADRIG_INLINE EliminationOrder elimination_order(Index size, std::span<const In
     return detail::SymbolicBuilder(size, column_starts, rows, &context).multiplications(order);
   };
   EliminationOrder best;
-  // Minimum degree cannot be stopped, and on so many unknowns of a surface dissection is better anyway.
+  // Minimum degree cannot be cancelled, and dissection is better on surfaces of this size.
   const bool dissect =
       ordering == Ordering::nested_dissection || (ordering == Ordering::automatic && size > detail::large_system);
   if (!dissect) {

@@ -11,7 +11,7 @@ namespace quadrig {
 struct PetscOptions {
   double tolerance = 1e-12;  ///< of |A x − b| / |b|
   Index max_iterations = 500;
-  Index direct = 1000;  ///< systems of at most so many unknowns are factored by every process for itself
+  Index direct = 1000;  ///< systems of at most this many unknowns are factored by every process for itself
 };
 
 /// Both triangles of the rows that this process has: rows [first, first + count) of a square matrix of `size` rows.
@@ -23,7 +23,7 @@ struct PetscRows {
   [[nodiscard]] PetscInt count() const { return static_cast<PetscInt>(starts.size()) - 1; }
 };
 
-/// Conjugate gradients preconditioned by PETSc's smoothed aggregation (GAMG), which is told what is smooth: a vector
+/// Conjugate gradients preconditioned by PETSc's smoothed aggregation (GAMG), which is given the near-kernel: a vector
 /// that is carried along the entries of the matrix, phase by phase, as the field is. Rows are spread over the processes
 /// in ranges; unknowns that stand near each other should be neighbours.
 ///
@@ -63,13 +63,7 @@ class PetscCg {
   /// Nothing lasts from the pattern alone. \fails bad_input where `order` is given and is not a permutation.
   Status analyze(const HermitianView<K>& A, std::span<const Index> order, Context&) {
     clear();
-    std::vector<char> seen(order.empty() ? 0 : detail::to_size(A.size), 0);
-    bool sound = order.size() == seen.size();
-    for (std::size_t k = 0; sound && k < order.size(); ++k)
-      sound = order[k] >= 0 && order[k] < A.size && !std::exchange(seen[detail::to_size(order[k])], char{1});
-    if (sound) return {};
-    return Error{ErrorCode::bad_input, "the elimination order is not a permutation of the unknowns", "solver petsc",
-                 "list every unknown once, or pass an empty order"};
+    return check_order(order, A.size, name());
   }
 
   Status factorize(const HermitianView<K>& A, Context& context) {

@@ -39,15 +39,9 @@ class SimplicialLdlt {
       for (std::size_t k = 0; k < n; ++k)
         analysis->position[static_cast<std::size_t>(found.unknowns[k])] = static_cast<Index>(k);
     } else {
-      bool sound = order.size() == n;
-      for (std::size_t k = 0; sound && k < n; ++k) {
-        sound =
-            order[k] >= 0 && order[k] < A.size && analysis->position[static_cast<std::size_t>(order[k])] == no_index;
-        if (sound) analysis->position[static_cast<std::size_t>(order[k])] = static_cast<Index>(k);
-      }
-      if (!sound)
-        return Error{ErrorCode::bad_input, "the elimination order is not a permutation of the unknowns", "solver eigen",
-                     "list every unknown once, or pass an empty order"};
+      if (Status status = check_order(order, A.size, name()); !status.ok()) return status;
+      for (std::size_t k = 0; k < n; ++k)
+        analysis->position[static_cast<std::size_t>(order[k])] = static_cast<Index>(k);
     }
     analysis->permute_pattern(A);
     analysis_ = std::move(analysis);

@@ -112,7 +112,7 @@ class Substitution {
   K* y_;
 };
 
-/// y is of no use once the context is cancelled.
+/// y is invalid once the context is cancelled.
 template <class K>
 void substitute(const SymbolicFactor& symbolic, const K* panels, K* y, const Context* context) {
   Substitution<K> pass(symbolic, panels, y);

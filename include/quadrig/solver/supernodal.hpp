@@ -25,10 +25,11 @@ class SupernodalCholesky {
 
   /// `ordering` is what `analyze` uses where it is given no order. Entries of the factor below `negligible` count as 0:
   /// subnormal numbers take a processor a hundred times as long, and in single precision a factor is full of them.
-  /// Solutions of at least `by_tree_from` unknowns are found by subtrees side by side.
+  /// Solutions of at least `by_tree_from` unknowns are found by subtrees side by side. Errors name the solver
+  /// `reported_as`, which outlives this: a backend that uses this one reports them as its own.
   explicit SupernodalCholesky(Ordering ordering = Ordering::automatic, Real negligible = 0,
-                              Index by_tree_from = detail::large_system + 1)
-      : ordering_(ordering), negligible_(negligible), by_tree_from_(by_tree_from) {}
+                              Index by_tree_from = detail::large_system + 1, std::string_view reported_as = name())
+      : ordering_(ordering), negligible_(negligible), by_tree_from_(by_tree_from), reported_as_(reported_as) {}
 
   [[nodiscard]] static constexpr std::string_view name() { return "supernodal"; }
 
@@ -39,22 +40,16 @@ class SupernodalCholesky {
     auto analysis = std::make_shared<Analysis>();
     if (order.empty()) {
       EliminationOrder found = quadrig::elimination_order(A.size, A.column_starts, A.rows, ordering_, context);
-      if (context.cancelled()) return cancelled_error("solver supernodal");
+      if (context.cancelled()) return cancelled_error(where());
       analysis->unknown = std::move(found.unknowns);
       analysis->ordering = found.ordering;
     } else {
-      std::vector<char> seen(n, 0);
-      bool sound = order.size() == n;
-      for (std::size_t k = 0; sound && k < n; ++k)
-        sound = order[k] >= 0 && order[k] < A.size && !std::exchange(seen[at(order[k])], char{1});
-      if (!sound)
-        return Error{ErrorCode::bad_input, "the elimination order is not a permutation of the unknowns",
-                     "solver supernodal", "list every unknown once, or pass an empty order"};
+      if (Status status = check_order(order, A.size, reported_as_); !status.ok()) return status;
       analysis->unknown.assign(order.begin(), order.end());
       analysis->ordering.reset();
     }
     analysis->symbolic = detail::SymbolicBuilder(A.size, A.column_starts, A.rows, &context).build(analysis->unknown);
-    if (context.cancelled()) return cancelled_error("solver supernodal");
+    if (context.cancelled()) return cancelled_error(where());
     for (std::size_t i = 0; i < n; ++i) analysis->unknown[at(analysis->symbolic.position[i])] = static_cast<Index>(i);
     analysis->column_starts.assign(A.column_starts.begin(), A.column_starts.end());
     analysis->rows.assign(A.rows.begin(), A.rows.end());
@@ -72,11 +67,11 @@ class SupernodalCholesky {
     std::fill(panels_.end() - detail::substitution_slack, panels_.end(), K{});
     Run run(symbolic.supernode_count());
     eliminate_all(run, context);
-    if (context.cancelled()) return cancelled_error("solver supernodal");
+    if (context.cancelled()) return cancelled_error(where());
     if (run.failure != none) {
       const Index unknown = analysis_->unknown[at(run.failure)];
       return Error{ErrorCode::numeric, run.finite ? "the matrix is not positive definite" : "the matrix is not finite",
-                   "solver supernodal, unknown " + std::to_string(unknown),
+                   where() + ", unknown " + std::to_string(unknown),
                    "every unknown needs a term, or a fixed value in its component"};
     }
     factorized_ = true;
@@ -85,15 +80,14 @@ class SupernodalCholesky {
 
   SolveInfo solve(std::span<const K> b, std::span<K> x, Context& context) const {
     if (!factorized_)
-      return {.status = Error{ErrorCode::numeric, "solve without a successful factorization", "solver supernodal", {}}};
-    if (context.cancelled()) return {.status = cancelled_error("solver supernodal")};
+      return {.status = Error{ErrorCode::numeric, "solve without a successful factorization", where(), {}}};
+    if (context.cancelled()) return {.status = cancelled_error(where())};
     substitute(b, x, &context);
-    if (context.cancelled()) return {.status = cancelled_error("solver supernodal")};
+    if (context.cancelled()) return {.status = cancelled_error(where())};
     SolveInfo info;
     info.residual = static_cast<double>(relative_residual<K>(matrix(), x, b));
     if (!std::isfinite(info.residual))
-      info.status =
-          Error{ErrorCode::numeric, "the solution is not finite", "solver supernodal", "check the right-hand side"};
+      info.status = Error{ErrorCode::numeric, "the solution is not finite", where(), "check the right-hand side"};
     return info;
   }
 
@@ -103,7 +97,7 @@ class SupernodalCholesky {
                                  [&](auto right, auto solution, Context& own) { return solve(right, solution, own); });
   }
 
-  /// A solve that measures nothing. x is of no use once the context is cancelled. \pre factorize succeeded
+  /// A solve that measures nothing. x is invalid once the context is cancelled. \pre factorize succeeded
   void substitute(std::span<const K> b, std::span<K> x, const Context* context = nullptr) const {
     assert(factorized_ && b.size() == analysis_->unknown.size() && x.size() == b.size());
     std::vector<K> y(b.size());
@@ -143,6 +137,8 @@ class SupernodalCholesky {
   }
 
  private:
+  [[nodiscard]] std::string where() const { return "solver " + std::string(reported_as_); }
+
   static constexpr Index none = std::numeric_limits<Index>::max();
   static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
@@ -331,6 +327,7 @@ class SupernodalCholesky {
   Ordering ordering_;
   Real negligible_;
   Index by_tree_from_;
+  std::string_view reported_as_;
   std::shared_ptr<const Analysis> analysis_;
   std::vector<K> values_;  // of the last factorization, for residuals
   std::vector<K, detail::Untouched<K>> panels_;

@@ -34,7 +34,7 @@ struct SymbolicFactor {
 /// Source: Liu 1990 (elimination tree), Gilbert, Ng and Peyton 1994 (counts), Ashcraft and Grimes 1989 (relaxation).
 class SymbolicBuilder {
  public:
-  /// `context` is asked every so many columns, where there is one.
+  /// `context`, where there is one, is polled between columns.
   SymbolicBuilder(Index size, std::span<const Index> column_starts, std::span<const Index> rows,
                   const Context* context = nullptr)
       : n_(size), column_starts_(column_starts), rows_(rows), context_(context) {}
@@ -50,7 +50,7 @@ class SymbolicBuilder {
   /// Of the factor under the last order, the diagonal too.
   [[nodiscard]] double entries() const { return std::accumulate(counts_.begin(), counts_.end(), 0.0); }
 
-  /// Of no use once the context is cancelled.
+  /// Invalid once the context is cancelled.
   [[nodiscard]] SymbolicFactor build(std::span<const Index> order) {
     SymbolicFactor factor;
     count(order);

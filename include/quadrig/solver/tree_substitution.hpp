@@ -54,7 +54,7 @@ class TreeSubstitution {
       : symbolic_(symbolic), panels_(panels), y_(y), context_(context) {}
 
   /// Through the supernodes [first, last), each of which takes what its children left on the stack and leaves what its
-  /// parent will take. False once cancelled: the stack lacks something then.
+  /// parent will take. False once cancelled: the stack is incomplete then.
   QUADRIG_INTO_CALLER bool forward(Index first, Index last, SubstitutionStack<K>& stack) const {
     for (Index s = first; s < last; ++s) {
       if (stopped(s)) return false;
@@ -212,7 +212,7 @@ class TreeSubstitution {
     }
   }
 
-  // Numbers of a vector, and those of so many rows.
+  // Entries of a vector, and of that many rows.
   static constexpr Index lanes = static_cast<Index>(32 / sizeof(Real));
   static Index numbers(Index rows) { return (is_complex ? 2 : 1) * rows; }
   typedef Real Lanes __attribute__((vector_size(32)));
@@ -239,7 +239,7 @@ class TreeSubstitution {
 };
 
 /// L Lᴴ y' = y in place over disjoint subtrees side by side, and what is above them. The bits depend on neither the
-/// subtrees nor the threads, but are not those of `substitute`. y is of no use once the context is cancelled.
+/// subtrees nor the threads, but are not those of `substitute`. y is invalid once the context is cancelled.
 template <class K>
 void substitute_by_tree(const SymbolicFactor& symbolic, std::span<const Index> roots, const K* panels, K* y,
                         const Context& context) {

@@ -9,11 +9,6 @@
 namespace quadrig {
 namespace detail {
 
-struct BoneWeight {
-  Index bone = no_index;
-  double weight = 0;
-};
-
 /// Distance of p from a bone's segment.
 inline double bone_distance(const Bone& bone, const Vector3& p) {
   const Vector3 axis = bone.tail - bone.head;
@@ -34,32 +29,23 @@ inline Index nearest_bone(const Skeleton& skeleton, const Vector3& p) {
 /// Rows of dense weights cut to the strongest and rescaled to sum 1. A row without any takes `fallback` of its vertex.
 inline SkinWeights strongest(const Eigen::MatrixXd& dense, Index influences, function_ref<Index(Index)> fallback) {
   std::vector<Eigen::Triplet<double, Index>> entries;
-  std::vector<BoneWeight> row;
+  std::vector<BoneShare> row;
   for (Index v = 0; v < dense.rows(); ++v) {
     row.clear();
     for (Index b = 0; b < dense.cols(); ++b)
       if (dense(v, b) > 1e-4) row.push_back({b, dense(v, b)});
-    std::sort(row.begin(), row.end(), [](const BoneWeight& a, const BoneWeight& b) {
-      return a.weight != b.weight ? a.weight > b.weight : a.bone < b.bone;
-    });
     if (row.empty()) row.push_back({fallback(v), 1.0});
-    if (row.size() > static_cast<std::size_t>(influences)) row.resize(static_cast<std::size_t>(influences));
-    double sum = 0;
-    for (const BoneWeight& share : row) sum += share.weight;
-    for (const BoneWeight& share : row) entries.emplace_back(v, share.bone, share.weight / sum);
+    keep_strongest(row, influences);
+    for (const BoneShare& share : row) entries.emplace_back(v, share.bone, share.weight);
   }
   SkinWeights weights(dense.rows(), dense.cols());
   weights.setFromTriplets(entries.begin(), entries.end());
   return weights;
 }
 
-/// Cotangents of each half-edge, not negative: a weight stays between its neighbours' whatever the triangles' shape.
-inline std::vector<double> edge_cotangents(const TriangleMesh<double>& mesh) {
-  std::vector<double> cotangent(static_cast<std::size_t>(mesh.halfedge_count()));
-  for (Index h = 0; h < mesh.halfedge_count(); ++h) {
-    const double angle = mesh.corner_angle(TriangleMesh<double>::prev(h));  // across from h
-    cotangent[static_cast<std::size_t>(h)] = std::clamp(0.5 / std::tan(angle), 1e-3, 1e3);
-  }
+inline std::vector<double> half_cotangents(const TriangleMesh<double>& mesh) {
+  std::vector<double> cotangent(at(mesh.halfedge_count()));
+  for (Index h = 0; h < mesh.halfedge_count(); ++h) cotangent[at(h)] = half_cotangent(mesh, h);
   return cotangent;
 }
 
@@ -174,7 +160,7 @@ inline Eigen::MatrixXd falloff(const Eigen::MatrixXd& distances, double length, 
 /// One implicit step of heat along the surface: (M + t L) w = M w.
 inline Status smooth_weights(const TriangleMesh<double>& mesh, double length, const std::string& solver_name,
                              Eigen::MatrixXd& weights, Context& context) {
-  const std::vector<double> cotangent = edge_cotangents(mesh), area = vertex_areas(mesh);
+  const std::vector<double> cotangent = half_cotangents(mesh), area = vertex_areas(mesh);
   const double time = length * length;
   double total = 0;
   for (const double a : area) total += a;
@@ -196,7 +182,7 @@ inline Status smooth_weights(const TriangleMesh<double>& mesh, double length, co
   Expected<AnySolver<double>> solver = make_solver<double>(solver_name);
   if (!solver) return solver.error();
   if (Status status = solver->prepare(form.matrix(), form.pattern_version(), context); !status) return status;
-  // A few bones at a time, so that memory stays that of a few columns.
+  // A few bones at a time, which bounds the memory to a few columns.
   constexpr Index at_once = 8;
   const auto n = static_cast<std::size_t>(mesh.vertex_count());
   std::vector<double> rhs, x;
@@ -237,13 +223,10 @@ inline Status biharmonic_weights(const TriangleMesh<double>& mesh, std::span<con
         coefficients[static_cast<std::size_t>(found - unknowns.begin())] -= c;
       }
     };
-    const Index first = mesh.outgoing(v);
-    for (Index h = first; h != no_index;) {
+    for (const Index h : mesh.around(v)) {
       add(mesh.target(h), cotangent[at(h)]);
-      const Index in = TriangleMesh<double>::prev(h);
+      const Index in = mesh.prev(h);
       add(mesh.origin(in), cotangent[at(in)]);
-      h = mesh.next_around(h);
-      if (h == first) break;
     }
     use();
   };
@@ -358,7 +341,7 @@ QUADRIG_INLINE Expected<BoundWeights> bind_weights(const TriangleMesh<double>& m
             !status)
           return status.error();
     } else {
-      // A bone holds what is decidedly its own: where it is half as far as any other.
+      // A bone holds the vertices that are at most half as far from it as from any other.
       std::vector<Index> holder(static_cast<std::size_t>(n), no_index);
       for (Index v = 0; v < n; ++v) {
         Index first = no_index;
@@ -382,7 +365,7 @@ QUADRIG_INLINE Expected<BoundWeights> bind_weights(const TriangleMesh<double>& m
           if (dense(v, b) > 0 && (best == no_index || dense(v, b) > dense(best, b))) best = v;
         if (best != no_index && dense(best, b) > 0.3) holder[static_cast<std::size_t>(best)] = b;
       }
-      const std::vector<double> cotangent = detail::edge_cotangents(mesh);
+      const std::vector<double> cotangent = detail::half_cotangents(mesh);
       std::vector<double> area = detail::vertex_areas(mesh);
       const double mean = mesh.total_area() / n;
       for (double& a : area) a = std::max(a, 1e-3 * mean);

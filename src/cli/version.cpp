@@ -1,0 +1,26 @@
+#include "version.hpp"
+
+#include "quadrig/solver.hpp"
+#include "quadrig_commit.hpp"
+
+namespace quadrig::cli {
+
+std::string version_text() {
+  std::string text = "quadrig " QUADRIG_VERSION;
+  if (const std::string commit = QUADRIG_COMMIT; !commit.empty()) text += "\ncommit " + commit;
+  const std::string decoders = QUADRIG_DECODERS;
+  std::string with, without;
+  const auto part = [&](const char* name, bool built) {
+    std::string& list = built ? with : without;
+    list += (list.empty() ? "" : ", ") + std::string(name);
+  };
+  part("meshoptimizer", decoders.find("meshoptimizer") != std::string::npos);
+  part("Draco", decoders.find("draco") != std::string::npos);
+  for (const char* backend : {"cholmod-simplicial-lgpl", "cholmod-supernodal-gpl"})
+    part(backend, solver_built<double>(backend));
+  if (!with.empty()) text += "\nwith " + with;
+  if (!without.empty()) text += "\nwithout " + without;
+  return text;
+}
+
+}  // namespace quadrig::cli
