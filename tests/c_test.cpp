@@ -218,8 +218,63 @@ TEST_CASE("c: what is wrong is a status and a message", "[c][fast]") {
   sides[4] = 4;
   CHECK(quadrig_asset_create(job.get(), &mesh, &asset) == quadrig_bad_input);
   CHECK(message_of(job).find("triangle 1") != std::string::npos);
-  mesh.size = 0;
+  sides[4] = 3;
+  mesh.reserved = 1;
   CHECK(quadrig_asset_create(job.get(), &mesh, &asset) == quadrig_bad_option);
+  mesh.reserved = 0;
+  for (const std::size_t size : {std::size_t{0}, std::numeric_limits<std::size_t>::max(), std::size_t{1} << 40}) {
+    mesh.size = size;
+    CHECK(quadrig_asset_create(job.get(), &mesh, &asset) == quadrig_bad_option);
+    quadrig_options options;
+    quadrig_options_init(&options, size);
+    mesh.size = sizeof mesh;
+    REQUIRE(quadrig_asset_create(job.get(), &mesh, &asset) == quadrig_ok);
+    if (size > 0) CHECK(quadrig_remesh(job.get(), asset, &options, &quads) == quadrig_bad_option);
+    options = options_for(100);
+    options.size = size;
+    CHECK(quadrig_remesh(job.get(), asset, &options, &quads) == quadrig_bad_option);
+    quadrig_asset_destroy(asset);
+  }
+
+  // Parents that lead back to where they came from.
+  const std::uint32_t joints[] = {0, 1, 2, 0};
+  const float weights[] = {1, 1, 1, 1};
+  mesh.bone_count = 3;
+  mesh.influences = 1;
+  mesh.joints = joints;
+  mesh.weights = weights;
+  for (const auto& [parents, sound] : {std::pair{std::array{-1, 0, 1}, true}, std::pair{std::array{-1, 1, 1}, false},
+                                       std::pair{std::array{2, 0, 1}, false}, std::pair{std::array{1, 0, 0}, false},
+                                       std::pair{std::array{1, 2, -1}, true}}) {
+    quadrig_bone bones[3] = {};
+    for (std::size_t b = 0; b < 3; ++b) {
+      bones[b].tail[b] = 1;
+      bones[b].parent = parents[b];
+    }
+    mesh.bones = bones;
+    CHECK(quadrig_asset_create(job.get(), &mesh, &asset) == (sound ? quadrig_ok : quadrig_bad_input));
+    if (!sound) CHECK(message_of(job).find("bone") != std::string::npos);
+    quadrig_asset_destroy(asset);
+  }
+}
+
+TEST_CASE("c: a file is never written over what is read for it", "[c][gltf][fast]") {
+  const ScratchFolder folder("c-over");
+  const std::string input = (folder.path() / "tube.glb").string(), bytes = tube_file();
+  std::ofstream(input, std::ios::binary) << bytes;
+  std::filesystem::create_directory(folder / "sub");
+  std::filesystem::create_hard_link(input, folder / "sub/hard.glb");
+  std::filesystem::create_symlink("../tube.glb", folder / "sub/link.glb");
+  const Handle<quadrig_job> job(quadrig_job_create());
+  const quadrig_options options = options_for(200);
+  for (const char* output : {"tube.glb", "sub/../tube.glb", "sub/hard.glb", "sub/link.glb"}) {
+    INFO(output);
+    CHECK(quadrig_remesh_gltf_file(job.get(), input.c_str(), (folder / output).c_str(), &options) ==
+          quadrig_bad_option);
+    CHECK(message_of(job).find("tube.glb") != std::string::npos);
+    std::ifstream stream(input, std::ios::binary);
+    CHECK(std::string(std::istreambuf_iterator<char>(stream), {}) == bytes);
+  }
 }
 
 TEST_CASE("c: a glTF file goes from memory to memory", "[c][gltf][fast]") {

@@ -70,6 +70,31 @@ TEST_CASE("context: sums have the same bits at any number of threads", "[context
     }
 }
 
+TEST_CASE("context: what a body throws reaches the caller when all have ended", "[context][fast]") {
+  for (const unsigned threads : {1u, 2u, 5u})
+    for (std::size_t thrower = 0; thrower < 5; ++thrower) {
+      Context context;
+      context.threads = threads;
+      std::atomic<int> ended{0};
+      const auto all = [&] {
+        context.parallel_for(5, 1, [&](std::size_t begin, std::size_t end) {
+          for (std::size_t i = begin; i < end; ++i) {
+            if (i == thrower) throw std::bad_alloc();
+            ++ended;
+          }
+        });
+      };
+      CHECK_THROWS_AS(all(), std::bad_alloc);
+      CHECK(ended < 5);
+      CHECK(ended >= (threads == 5 ? 4 : 0));
+    }
+  int done = 0;
+  const auto thrown = [] { throw std::bad_alloc(); };
+  CHECK_THROWS_AS(detail::side_by_side(thrown, [&] { ++done; }), std::bad_alloc);
+  CHECK_THROWS_AS(detail::side_by_side([&] { ++done; }, thrown), std::bad_alloc);
+  CHECK(done == 2);
+}
+
 TEST_CASE("context: parallel_for covers every index once at any number of threads", "[context][fast]") {
   for (const unsigned threads : {1u, 2u, 3u, 16u}) {
     Context context;

@@ -394,7 +394,7 @@ TEST_CASE("files: a failed write leaves the older file and nothing else", "[io][
     FileSet set;
     REQUIRE(set.add(folder / "a.obj", "new").ok());
     CHECK(text_of(folder / "a.obj") == "old");
-    CHECK(files_in(folder) == 2);
+    CHECK(files_in(folder) == 1);
     const Status failed = set.add(folder / "nowhere" / "b.obj", "new");
     REQUIRE_FALSE(failed.ok());
     CHECK(failed.error().code == ErrorCode::bad_file);
@@ -406,6 +406,70 @@ TEST_CASE("files: a failed write leaves the older file and nothing else", "[io][
   CHECK(files_in(folder) == 1);
   CHECK_FALSE(write_file(folder.path(), "new").ok());
   CHECK_FALSE(write_file("", "new").ok());
+}
+
+TEST_CASE("files: a rename that is refused is taken back, with those before it", "[io][fast]") {
+  const ScratchFolder folder("files");
+  file(folder, "old.obj", "old");
+  const std::string longest(255, 'n');
+  for (const bool refused : {true, false}) {
+    FileSet set;
+    set.make_folder(folder / "made");
+    REQUIRE(set.add(folder / "old.obj", "newer"));
+    REQUIRE(set.add(folder / "made" / longest, "new"));  // whatever the temporary name is
+    REQUIRE(set.add(folder / "late", "new"));
+    if (refused) std::filesystem::create_directory(folder / "late");  // which a file cannot replace
+    CHECK(set.commit().ok() == !refused);
+    CHECK(text_of(folder / "old.obj") == (refused ? "old" : "newer"));
+    CHECK(files_in(folder) == (refused ? 2 : 3));  // old.obj, late and, once all is done, made
+    if (refused) std::filesystem::remove(folder / "late");
+  }
+  CHECK(text_of(folder / "made" / longest) == "new");
+}
+
+TEST_CASE("files: an output is no input, and none is replaced that only a document names", "[io][fast]") {
+  const ScratchFolder folder("files");
+  file(folder, "in.bin", "in");
+  std::filesystem::create_directory(folder / "sub");
+  std::filesystem::create_symlink("../in.bin", folder / "sub/link");
+  std::filesystem::create_hard_link(folder / "in.bin", folder / "sub/hard");
+  std::filesystem::create_symlink("..", folder / "sub/up");
+  for (const char* spelled :
+       {"in.bin", "./sub/../in.bin", "sub/link", "sub/hard", "sub/up/in.bin", "sub/up/sub/link"}) {
+    INFO(spelled);
+    for (const bool input_first : {true, false}) {
+      FileSet set;
+      const std::filesystem::path one = folder / "in.bin", other = folder / spelled;
+      if (input_first) {
+        REQUIRE(set.reads(one));
+        CHECK(set.writes(other).error().code == ErrorCode::bad_option);
+        CHECK(set.add(other, "out").error().code == ErrorCode::bad_option);
+        CHECK(set.add_beside(folder / "out", spelled, "out").error().code == ErrorCode::bad_option);
+        set.replaces_beside = true;  // which gives no leave for that
+        CHECK(set.add_beside(folder / "out", spelled, "out").error().code == ErrorCode::bad_option);
+      } else {
+        REQUIRE(set.writes(one));
+        CHECK(set.reads(other).error().code == ErrorCode::bad_option);
+      }
+      CHECK(set.commit());
+    }
+  }
+  CHECK(text_of(folder / "in.bin") == "in");
+
+  file(folder, "sub/there", "there");
+  FileSet set;
+  CHECK(set.add_beside(folder / "sub/out", "there", "there"));
+  CHECK(set.add_beside(folder / "sub/out", "new/new", "new"));
+  CHECK(set.add_beside(folder / "sub/out", "there", "other").error().code == ErrorCode::bad_option);
+  CHECK(set.add_beside(folder / "sub/out", "up/new", "new").error().code == ErrorCode::bad_file);  // a link out
+  CHECK(set.add_beside(folder / "sub/out", "link", "new").error().code == ErrorCode::bad_file);
+  CHECK_FALSE(std::filesystem::exists(folder / "sub/new"));
+  set.replaces_beside = true;
+  CHECK(set.add_beside(folder / "sub/out", "there", "other"));
+  CHECK(set.add_beside(folder / "sub/out", "there", "third").error().code == ErrorCode::bad_option);
+  CHECK(set.commit());
+  CHECK(text_of(folder / "sub/there") == "other");
+  CHECK(text_of(folder / "sub/new/new") == "new");
 }
 
 TEST_CASE("files: one place holds one thing, links are followed, and pipes are written to", "[io][fast]") {

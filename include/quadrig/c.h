@@ -213,7 +213,8 @@ QUADRIG_C_API void quadrig_bytes_destroy(quadrig_bytes* bytes);
 QUADRIG_C_API quadrig_status quadrig_remesh_gltf(quadrig_job* job, const void* data, size_t size, const char* name,
                                                  const quadrig_options* options, quadrig_bytes** glb);
 /* From file to file, .glb or .gltf by their extensions. Nothing is written unless everything is; at
-   quadrig_done_in_part it is. */
+   quadrig_done_in_part it is. quadrig_bad_option, before any work, where the output is a file that is read, or a file
+   beside it that only the document names would be replaced. */
 QUADRIG_C_API quadrig_status quadrig_remesh_gltf_file(quadrig_job* job, const char* input, const char* output,
                                                       const quadrig_options* options);
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <exception>
 #include <functional>
 #include <string_view>
 #include <thread>
@@ -56,8 +57,9 @@ class Context {
   }
 
   /// Calls body(begin, end) over disjoint ranges that cover [0, n). Bodies write only to their own range, so the
-  /// result does not depend on the number of threads; sums are made by the caller, in order.
-  /// \param grain least length of a range that is worth a thread; 0: one thread
+  /// result does not depend on the number of threads; sums are made by the caller, in order. What a body throws (memory
+  /// that is not there) reaches the caller once all have ended, the first range's first.
+  /// \param grain least length of a range that is worth a thread; 0: one thread. \pre no range waits for another
   void parallel_for(std::size_t n, std::size_t grain, function_ref<void(std::size_t, std::size_t)> body) const;
   /// The sum of what body(begin, end) returns for runs of 4096 that cover [0, n), in their order: the bits do not
   /// depend on the number of threads. `sum`: what it begins from.
@@ -81,12 +83,54 @@ inline void Context::parallel_for(std::size_t n, std::size_t grain,
     body(std::size_t{0}, n);
     return;
   }
-  std::vector<std::jthread> workers;
-  workers.reserve(parts - 1);
-  for (std::size_t part = 1; part < parts; ++part)
-    workers.emplace_back([&body, n, part, parts] { body(n * part / parts, n * (part + 1) / parts); });
-  body(std::size_t{0}, n / parts);
+  std::vector<std::exception_ptr> thrown(parts);
+  const auto run = [&](std::size_t part) noexcept {
+    try {
+      body(n * part / parts, n * (part + 1) / parts);
+    } catch (...) {
+      thrown[part] = std::current_exception();
+    }
+  };
+  {
+    std::vector<std::jthread> workers;
+    workers.reserve(parts - 1);
+    std::size_t part = 1;
+    try {
+      for (; part < parts; ++part) workers.emplace_back([&run, part] { run(part); });
+    } catch (const std::exception&) {  // no more threads can be made: this one does their parts
+    }
+    run(0);
+    for (; part < parts; ++part) run(part);
+  }
+  for (const std::exception_ptr& one : thrown)
+    if (one) std::rethrow_exception(one);
 }
+
+namespace detail {
+/// Calls one() and other() side by side or, where no thread can be made, one after the other. What they throw reaches
+/// the caller.
+template <class One, class Other>
+void side_by_side(One&& one, Other&& other) {
+  std::exception_ptr thrown;
+  const auto run = [&]() noexcept {
+    try {
+      other();
+    } catch (...) {
+      thrown = std::current_exception();
+    }
+  };
+  {
+    std::jthread thread;
+    try {
+      thread = std::jthread(run);
+    } catch (const std::exception&) {  // there is none to be had
+    }
+    one();
+    if (!thread.joinable()) run();
+  }
+  if (thrown) std::rethrow_exception(thrown);
+}
+}  // namespace detail
 
 /// While it lives, the progress that is reported to a context becomes the part [from, to] of its caller's.
 class ProgressPart {

@@ -2,6 +2,10 @@
 #pragma once
 
 #include <filesystem>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
 #include <string_view>
 
 #include "quadrig/asset.hpp"
@@ -70,31 +74,55 @@ enum class DmatFormat : std::uint8_t { ascii, binary };
 /// Whether two names are of one file, be it there or not yet. Links are followed.
 [[nodiscard]] bool same_file(const std::filesystem::path& a, const std::filesystem::path& b);
 
-/// Several files that appear together: contents go to temporary names beside their places, and are renamed by
-/// `commit`. What is not committed is removed by the destructor. Links are followed; what is no file, as a pipe or a
-/// device, is written to by `commit`.
+/// Every file that one job reads and writes. Inputs and outputs are declared before the work and held against one
+/// another by what they are: other spellings, links and hard links of a file are that file. Contents are kept in memory
+/// and appear together: `commit` writes pipes and devices first, then temporary files, which it renames; where one
+/// fails the older files are as they were. Nothing is on the disk before `commit`.
 class FileSet {
  public:
+  /// Files that a document names beside an output may replace others with other bytes.
+  bool replaces_beside = false;
+
   FileSet() = default;
-  ~FileSet();
+  ~FileSet() = default;
+  FileSet(FileSet&&) = default;
   FileSet(const FileSet&) = delete;
   FileSet& operator=(const FileSet&) = delete;
-  /// Makes a folder and those above it, which are removed again where nothing is committed.
+  FileSet& operator=(FileSet&&) = default;
+  /// Lets `commit` make a folder and those above it, and remove them again where it fails.
   void make_folder(const std::filesystem::path& folder);
-  /// The same file with the same contents again is nothing new.
-  /// \fails bad_file where the folder is absent or the disk is full; bad_option where the file was added with other
-  ///   contents.
-  [[nodiscard]] Status add(const std::filesystem::path& path, std::string_view contents);
-  /// \fails bad_file where a rename is refused; the files not yet renamed are removed.
+  /// Declares an input, be it there or not. \fails bad_option where it is an output
+  [[nodiscard]] Status reads(const std::filesystem::path& path);
+  /// Declares an output that the caller names. Links are followed.
+  /// \fails bad_option where it is an input or another output; bad_file where it is a folder, or its own folder is
+  ///   absent or may not be written
+  [[nodiscard]] Status writes(const std::filesystem::path& path);
+  /// The contents of an output, declared or not. The same contents once more change nothing.
+  /// \fails as `writes`; bad_option where it has other contents
+  [[nodiscard]] Status add(const std::filesystem::path& path, std::string contents);
+  /// A file that only the document at `place` names, `name` being relative to its folder. One that is there with the
+  /// same bytes is left.
+  /// \fails as `add`; bad_option where one is there with other bytes and `replaces_beside` is not set; bad_file where a
+  ///   link leads out of the folder, or what is there is no regular file
+  [[nodiscard]] Status add_beside(const std::filesystem::path& place, const std::filesystem::path& name,
+                                  std::string contents);
+  /// One with the same declarations, to find out what would be refused; it is not to be committed.
+  [[nodiscard]] FileSet trial() const;
+  /// \fails bad_file; then every file is as it was
   [[nodiscard]] Status commit();
 
  private:
   struct Entry {
-    std::filesystem::path temporary, place;
-    std::string contents;  // of what is no file, and has no temporary name
+    std::filesystem::path named, place;
+    std::optional<std::string> contents;
+    bool device = false;
   };
+  [[nodiscard]] const Entry* entry_at(const std::vector<std::string>& keys) const;
+
   std::vector<Entry> entries_;
-  std::vector<std::filesystem::path> folders_;  // that were made, the outermost first
+  std::map<std::string, std::size_t> outputs_;           // by what a file is known by
+  std::map<std::string, std::filesystem::path> inputs_;  // likewise
+  std::set<std::filesystem::path> folders_;              // that are to be made
 };
 
 /// The text of each writer, for a FileSet.

@@ -34,6 +34,18 @@ Expected<Triangles> read_triangles(const quadrig_mesh& mesh) {
   return triangles;
 }
 
+/// A bone that its parents lead back to, or none.
+Index bone_in_ring(const Skeleton& skeleton) {
+  std::vector<Index> seen_from(skeleton.bones.size(), no_index);
+  for (Index start = 0; start < skeleton.bone_count(); ++start)
+    for (Index b = start; b != no_index; b = skeleton.bones[detail::at(b)].parent) {
+      if (seen_from[detail::at(b)] == start) return b;
+      if (seen_from[detail::at(b)] != no_index) break;  // all above it was walked
+      seen_from[detail::at(b)] = start;
+    }
+  return no_index;
+}
+
 Expected<Skeleton> read_bones(const quadrig_mesh& mesh) {
   if (mesh.bone_count > 1'000'000) return bad("mesh.bone_count", "is more than 1000000");
   Skeleton skeleton;
@@ -50,6 +62,8 @@ Expected<Skeleton> read_bones(const quadrig_mesh& mesh) {
     bone.has_direction = given.round == 0 && bone.head != bone.tail;
     skeleton.bones.push_back(std::move(bone));
   }
+  if (const Index ring = bone_in_ring(skeleton); ring != no_index)
+    return bad("bone " + std::to_string(ring), "is above itself in the tree of parents");
   return skeleton;
 }
 
@@ -84,6 +98,7 @@ Expected<quadrig_status> create(quadrig_job* job, const quadrig_mesh* given, qua
   if (!given) return c::null_argument("mesh");
   const Expected<quadrig_mesh> mesh = c::known_part(given, quadrig_mesh{}, "mesh");
   if (!mesh) return mesh.error();
+  if (mesh->reserved != 0) return Error{ErrorCode::bad_option, "is not 0", "mesh.reserved", "call quadrig_mesh_init"};
   const double bytes =
       c::prepare_bytes(static_cast<double>(mesh->triangle_count), static_cast<double>(mesh->influences));
   if (const quadrig_status fits = c::within_limit(job, bytes, "give fewer triangles, or raise the limit")) return fits;

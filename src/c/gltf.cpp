@@ -96,9 +96,11 @@ quadrig_status quadrig_remesh_gltf_file(quadrig_job* job, const char* input, con
     if (const Expected<GltfContainer> wanted = gltf_container(output); !wanted) return wanted.error();
     Expected<GltfDocument> document = GltfDocument::read(input, limits_of(job), context);
     if (!document) return document.error();
+    FileSet files;
+    if (Status status = files.writes(output); !status) return status.error();
+    if (Status status = document->declare(files, output); !status) return status.error();
     const Expected<quadrig_status> done = remesh_document(job, *document, options, context);
     if (!done || *done == quadrig_out_of_memory) return done;
-    FileSet files;
     if (Status status = document->add_to(files, output, context); !status) return status.error();
     if (Status status = files.commit(); !status) return status.error();
     return done;

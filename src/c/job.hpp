@@ -78,13 +78,19 @@ template <class Body>
   }
 }
 
+/// No struct of any version is larger: a size above is a mistake, and is not read.
+inline constexpr std::size_t most_struct_bytes = 4096;
+
 /// The caller's struct over the defaults of ours: members that it does not know keep them.
-/// \fails bad_option where it is too small to be one, or has members of a later version that are not zero
+/// \fails bad_option where its size is that of no struct, or it has members of a later version that are not zero
 template <class Struct>
 [[nodiscard]] Expected<Struct> known_part(const Struct* given, Struct defaults, const char* name) {
   const std::size_t size = given->size;
   if (size < 2 * sizeof(std::size_t))
     return Error{ErrorCode::bad_option, "has no size", std::string(name) + ".size", "call its _init function"};
+  if (size > most_struct_bytes)
+    return Error{ErrorCode::bad_option, "is larger than any struct", std::string(name) + ".size",
+                 "call its _init function"};
   const auto* bytes = reinterpret_cast<const unsigned char*>(given);
   for (std::size_t i = sizeof(Struct); i < size; ++i)
     if (bytes[i] != 0)
@@ -94,10 +100,15 @@ template <class Struct>
   return defaults;
 }
 
-/// The defaults into as much of the caller's struct as there is.
+/// The defaults into as much of the caller's struct as there is; a size of 0, which is refused later, where that of the
+/// caller is of no struct.
 template <class Struct>
 void put_defaults(Struct* given, std::size_t size, Struct defaults) noexcept {
   if (!given || size < sizeof(std::size_t)) return;
+  if (size > most_struct_bytes) {
+    given->size = 0;
+    return;
+  }
   std::memset(static_cast<void*>(given), 0, size);
   defaults.size = size;
   std::memcpy(static_cast<void*>(given), &defaults, std::min(size, sizeof(Struct)));

@@ -93,7 +93,8 @@ quadrig_status quadrig_remesh(quadrig_job* job, const quadrig_asset* asset, cons
 void quadrig_quads_destroy(quadrig_quads* quads) { delete quads; }
 
 quadrig_status quadrig_quads_figures(const quadrig_quads* quads, quadrig_figures* figures) {
-  if (!quads || !figures || figures->size < 2 * sizeof(size_t)) return quadrig_bad_option;
+  if (!quads || !figures || figures->size < 2 * sizeof(size_t) || figures->size > c::most_struct_bytes)
+    return quadrig_bad_option;
   const RemeshReport& report = quads->result.report;
   quadrig_figures all{};
   all.quads = at(report.quads);

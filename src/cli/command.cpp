@@ -2,7 +2,9 @@
 
 #include <unistd.h>
 
+#include <cerrno>
 #include <cstdio>
+#include <cstring>
 
 namespace quadrig::cli {
 
@@ -29,7 +31,18 @@ void Session::clear_progress() const {
 void Session::say(const std::string& text) const {
   if (quiet) return;
   clear_progress();
-  std::fputs((text + "\n").c_str(), stdout);
+  print(text + "\n");
+}
+
+void Session::print(const std::string& bytes) const { std::fwrite(bytes.data(), 1, bytes.size(), stdout); }
+
+Status Session::printed() const {
+  errno = 0;
+  if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return {};
+  if (errno == EPIPE) return {};
+  return Error{ErrorCode::bad_file,
+               std::string("cannot be written") + (errno ? ": " : "") + (errno ? std::strerror(errno) : ""),
+               "standard output", "check where it goes"};
 }
 
 void add_input(CLI::App& verb, Input& input, const std::string& formats) {
@@ -107,17 +120,18 @@ Json warnings_json(std::span<const Warning> warnings) {
   return list;
 }
 
-Status check_outputs(const Input& input, std::initializer_list<std::filesystem::path> outputs) {
-  std::vector<std::filesystem::path> taken = {input.files.mesh, input.files.rig, input.files.weights};
-  for (const auto& output : outputs) {
-    if (output.empty()) continue;
-    for (const auto& other : taken)
-      if (!other.empty() && same_file(output, other))
-        return Error{ErrorCode::bad_option, "would be written over " + other.string(), output.string(),
-                     "give each output a name of its own"};
-    taken.push_back(output);
-  }
+Status declare(FileSet& files, const Input& input, std::initializer_list<std::filesystem::path> outputs) {
+  for (const auto& path : {input.files.mesh, input.files.rig, input.files.weights})
+    if (Status status = files.reads(path); !status) return status;
+  for (const auto& path : outputs)
+    if (!path.empty())
+      if (Status status = files.writes(path); !status) return status;
   return {};
+}
+
+void add_force(CLI::App& verb, bool& force) {
+  verb.add_flag("--force", force,
+                "Replace files beside the output that only the glTF file names: its buffers and images");
 }
 
 std::string decimals(double value, int digits) {

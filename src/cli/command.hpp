@@ -27,6 +27,10 @@ struct Session {
   void clear_progress() const;
   /// Text for people, on standard output.
   void say(const std::string& text) const;
+  /// Bytes for programs, on standard output.
+  void print(const std::string& bytes) const;
+  /// Whether standard output took all of it. A reader that has closed its end has what it wanted. \fails bad_file
+  [[nodiscard]] Status printed() const;
 };
 
 /// What main runs after the options are parsed: set by the verb that was named.
@@ -54,13 +58,16 @@ void add_input(CLI::App& verb, Input& input, const std::string& formats = ".obj,
 [[nodiscard]] std::string report_text(const Json& report);
 [[nodiscard]] Json warnings_json(std::span<const Warning> warnings);
 
-/// Refuses outputs that are one another or an input.
-[[nodiscard]] Status check_outputs(const Input& input, std::initializer_list<std::filesystem::path> outputs);
+/// Declares the files of the input and those outputs that have a name. \fails as FileSet::writes
+[[nodiscard]] Status declare(FileSet& files, const Input& input, std::initializer_list<std::filesystem::path> outputs);
+/// The option that lets files be replaced which only a document names.
+void add_force(CLI::App& verb, bool& force);
 
 /// "1 234 567" style is for nobody's parser: plain digits, a fixed number of decimals.
 [[nodiscard]] std::string decimals(double value, int digits);
 
-/// Exit codes, documented in docs/command.md.
+/// Exit codes, documented in docs/command.md: 10 and above are quadrig_status of c.h.
+inline constexpr int out_of_memory_exit_code = 10, time_limit_exit_code = 12;
 [[nodiscard]] int exit_code(ErrorCode code);
 
 }  // namespace quadrig::cli

@@ -50,7 +50,8 @@ std::string coloured_ply(const TriangleMesh<double>& mesh, const Rig& rig, const
 }
 
 Status dominance(const DominanceCommand& options, Session& session) {
-  if (Status status = check_outputs(options.input, {options.output, options.report}); !status) return status;
+  FileSet files;
+  if (Status status = declare(files, options.input, {options.output, options.report}); !status) return status;
   if (!options.output.empty() && options.output.extension() != ".ply")
     return Error{ErrorCode::bad_option, "coloured surfaces are written as PLY alone", options.output.string(),
                  "name a .ply file"};
@@ -89,7 +90,6 @@ Status dominance(const DominanceCommand& options, Session& session) {
   text += "\nblending   " + decimals(blending / area, 4);
   report["warnings"] = warnings_json(session.context.warnings);
 
-  FileSet files;
   if (!options.output.empty())
     if (Status status = files.add(options.output, coloured_ply(mesh, rig, *made)); !status) return status;
   if (!options.report.empty())

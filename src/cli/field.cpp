@@ -65,7 +65,8 @@ std::string raw_field(const TriangleMesh<double>& mesh, const Connection<double>
 }
 
 Status field(const FieldCommand& options, Session& session) {
-  if (Status status = check_outputs(options.input, {options.output, options.report}); !status) return status;
+  FileSet files;
+  if (Status status = declare(files, options.input, {options.output, options.report}); !status) return status;
   const std::string extension = options.output.extension().string();
   if (!options.output.empty() && extension != ".obj" && extension != ".rawfield")
     return Error{ErrorCode::bad_option, "is no format for fields", options.output.string(),
@@ -120,7 +121,6 @@ Status field(const FieldCommand& options, Session& session) {
                        {"total", r.seconds}};
   report["warnings"] = warnings_json(session.context.warnings);
 
-  FileSet files;
   if (!options.output.empty()) {
     const std::string text =
         extension == ".obj" ? crosses(mesh, connection, result->frames) : raw_field(mesh, connection, result->frames);

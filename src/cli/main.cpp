@@ -1,4 +1,9 @@
 // The command: parses, runs one verb, and turns an Error into one line and an exit code.
+#include <sys/resource.h>
+#include <sys/time.h>
+#include <unistd.h>
+
+#include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <new>
@@ -8,12 +13,47 @@
 
 namespace {
 
-std::atomic<bool> interrupted = false;
+std::atomic<bool> interrupted = false, expired = false;
 
-// The first Ctrl-C asks the running stage to stop; the second ends the process as usual.
+// The first of these signals asks the running stage to stop; the second ends the process as usual.
 extern "C" void on_interrupt(int signal) {
   interrupted.store(true, std::memory_order_relaxed);
   std::signal(signal, SIG_DFL);
+}
+
+constexpr unsigned grace_seconds = 5;
+
+// The time limit asks likewise, and ends the process itself where nothing has stopped after some more seconds. Nothing
+// is on the disk then: while files are put in place the signal waits.
+extern "C" void on_time_limit(int) {
+  if (expired.exchange(true)) {
+    constexpr std::string_view text = "quadrig: the time limit is over; raise --time-limit\n";
+    if (write(STDERR_FILENO, text.data(), text.size()) < 0) _exit(quadrig::cli::time_limit_exit_code);
+    _exit(quadrig::cli::time_limit_exit_code);
+  }
+  interrupted.store(true, std::memory_order_relaxed);
+  alarm(grace_seconds);
+}
+
+void handle_signals() {
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP}) std::signal(signal, on_interrupt);
+  // Writing fails then, which is an error with a sentence of its own.
+  for (const int signal : {SIGPIPE, SIGXFSZ}) std::signal(signal, SIG_IGN);
+}
+
+void limit_time(double seconds) {
+  std::signal(SIGALRM, on_time_limit);
+  itimerval timer{};
+  timer.it_value.tv_sec = static_cast<time_t>(seconds);
+  timer.it_value.tv_usec = static_cast<suseconds_t>(1e6 * (seconds - std::floor(seconds)));
+  setitimer(ITIMER_REAL, &timer, nullptr);
+}
+
+void limit_memory(double bytes) {
+  rlimit limit{};
+  if (getrlimit(RLIMIT_DATA, &limit) != 0) return;
+  limit.rlim_cur = static_cast<rlim_t>(std::min(bytes, static_cast<double>(limit.rlim_max)));
+  setrlimit(RLIMIT_DATA, &limit);
 }
 
 constexpr const char* examples = R"(Examples:
@@ -28,9 +68,9 @@ constexpr const char* examples = R"(Examples:
   quadrig field arm.obj --rig arm.tgf --weights arm.dmat -o crosses.obj
       the directions alone
 
-Exit codes: 0 done, 1 internal error or out of memory, 2 bad option, 3 file not readable or writable,
-4 unusable input, 5 not supported, 6 numeric failure, 7 a stage found no valid result, 8 cancelled,
-9 done, but parts of a glTF file could not be remeshed and stay as they were.
+Exit codes: 0 done, 1 internal error, 2 bad option, 3 file not readable or writable, 4 unusable input,
+5 not supported, 6 numeric failure, 7 a stage found no valid result, 8 cancelled, 9 done, but parts of a glTF
+file could not be remeshed and stay as they were, 10 out of memory or above --memory, 12 above --time-limit.
 Nothing is written unless everything is.)";
 
 int run(int argc, char** argv) {
@@ -46,6 +86,13 @@ int run(int argc, char** argv) {
   app.add_option("--threads", session.threads, "Most threads used; 0: all the machine has. Results do not depend on it")
       ->check(CLI::Range(0, 4096))
       ->type_name("N");
+  double memory_megabytes = 0, time_limit_seconds = 0;
+  app.add_option("--memory", memory_megabytes, "Most memory that may be taken; more is exit code 10")
+      ->check(CLI::Range(16.0, 1e9))
+      ->type_name("MB");
+  app.add_option("--time-limit", time_limit_seconds, "Longest run; more is exit code 12")
+      ->check(CLI::Range(0.001, 1e9))
+      ->type_name("SECONDS");
   cli::Run verb;
   cli::add_remesh(app, verb);
   cli::add_field(app, verb);
@@ -64,14 +111,25 @@ int run(int argc, char** argv) {
                  verbs.empty() ? "" : (" " + verbs.front()->get_name()).c_str());
     return cli::exit_code(ErrorCode::bad_option);
   }
-  std::signal(SIGINT, on_interrupt);
+  handle_signals();
+  if (memory_megabytes > 0) limit_memory(1e6 * memory_megabytes);
+  if (time_limit_seconds > 0) limit_time(time_limit_seconds);
   session.begin(interrupted);
   const Status status = verb(session);
   session.clear_progress();
   if (!session.quiet)
     for (const Warning& warning : session.context.warnings)
       std::fprintf(stderr, "quadrig: warning: %s: %s\n", warning.stage.c_str(), warning.text.c_str());
-  if (status) return session.in_part ? 9 : 0;
+  if (status) {
+    // All is done: what cannot be said of it is told, and no failure.
+    if (const Status printed = session.printed(); !printed)
+      std::fprintf(stderr, "quadrig: warning: %s\n", printed.error().message().c_str());
+    return session.in_part ? 9 : 0;
+  }
+  if (expired && status.error().code == ErrorCode::cancelled) {
+    std::fputs("quadrig: the time limit is over; raise --time-limit\n", stderr);
+    return cli::time_limit_exit_code;
+  }
   std::fprintf(stderr, "quadrig: %s\n", status.error().message().c_str());
   return cli::exit_code(status.error().code);
 }
@@ -82,7 +140,8 @@ int main(int argc, char** argv) {
   try {
     return run(argc, argv);
   } catch (const std::bad_alloc&) {
-    std::fputs("quadrig: out of memory; use a smaller mesh or ask for fewer quads\n", stderr);
+    std::fputs("quadrig: out of memory; use a smaller mesh, ask for fewer quads or raise --memory\n", stderr);
+    return quadrig::cli::out_of_memory_exit_code;
   } catch (const std::exception& error) {
     std::fprintf(stderr, "quadrig: internal error: %s\n", error.what());
   }

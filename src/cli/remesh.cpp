@@ -16,7 +16,7 @@ struct RemeshCommand {
   std::string poses = "bends";
   std::vector<Index> quads;
   GltfSelection selection;
-  bool source_map = false, seams = true;
+  bool source_map = false, seams = true, force = false;
   std::vector<std::string> keep;
   [[nodiscard]] bool keeps(std::string_view what) const {
     return std::find(keep.begin(), keep.end(), what) != keep.end();
@@ -72,9 +72,6 @@ Json report_json(const RemeshCommand& options, const LoadedAsset& loaded, const 
 Status remesh_files(RemeshCommand options, Session& session) {
   const Input& input = options.input;
   const std::filesystem::path& weights_out = options.weights_out;
-  if (options.quads.size() <= 1)  // of several, each level's own names are checked
-    if (Status status = check_outputs(input, {options.output, options.report, weights_out, options.quads_out}); !status)
-      return status;
   const bool gltf = is_gltf(input.files.mesh);
   if (!gltf && options.output.extension() != ".obj")
     return Error{ErrorCode::bad_option, "quads are written as OBJ alone", options.output.string(), "name an .obj file"};
@@ -135,9 +132,15 @@ Status remesh_files(RemeshCommand options, Session& session) {
     job.options.keep_materials = options.keeps("materials");
     job.options.keep_textures = options.keeps("textures");
     job.options_json = options_json(options);
+    job.force = options.force;
     return remesh_gltf_file(job, session);
   }
 
+  if (options.force)
+    return Error{ErrorCode::bad_option, "--force is for glTF files, which name others", input.files.mesh.string(),
+                 "leave it out"};
+  FileSet files;
+  if (Status status = declare(files, input, {options.output, options.report, weights_out}); !status) return status;
   const Stopwatch watch;
   const Expected<LoadedAsset> loaded = load(input, session);
   if (!loaded) return loaded.error();
@@ -149,7 +152,6 @@ Status remesh_files(RemeshCommand options, Session& session) {
   if (!r.valid)
     return Error{ErrorCode::stage_failed, "the quads break a rule of validity", "remesh", "ask for more quads"};
 
-  FileSet files;
   if (Status status = files.add(options.output, obj_text(result->mesh)); !status) return status;
   if (!weights_out.empty()) {
     const DmatFormat format = options.binary_weights ? DmatFormat::binary : DmatFormat::ascii;
@@ -315,6 +317,9 @@ void add_remesh(CLI::App& app, Run& run) {
 
   verb->add_flag("!--no-seams", options->seams, "Do not move edges of quads onto the seams of textures and materials")
       ->group(parts);
+
+  add_force(*verb, options->force);
+  verb->get_option("--force")->group(parts);
 
   const std::string expert = "For experts";
   verb->add_option("--count-tolerance", remesh.count_tolerance, "How far off the count may be")

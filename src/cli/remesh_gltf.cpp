@@ -175,18 +175,21 @@ Status remesh_gltf_file(const GltfJob& job, Session& session) {
   if (!document) return document.error();
   const double read_seconds = watch.seconds();
   const std::vector<Warning> read_warnings = session.context.warnings;
+  FileSet files;
+  files.replaces_beside = job.force;
   std::vector<GltfJob> levels(job.quads.size(), job);
   for (std::size_t k = 0; k < levels.size(); ++k) {
     GltfJob& level = levels[k];
     level.options.remesh.quads = job.quads[k];
     level.options_json["quads"] = job.quads[k];
-    if (levels.size() == 1) break;
-    for (std::filesystem::path* path : {&level.output, &level.quads_out, &level.report}) *path = level_name(*path, k);
+    if (levels.size() > 1)
+      for (std::filesystem::path* path : {&level.output, &level.quads_out, &level.report}) *path = level_name(*path, k);
     Input input;
     input.files.mesh = job.input;
-    if (Status status = check_outputs(input, {level.output, level.report, level.quads_out}); !status) return status;
+    if (Status status = declare(files, input, {level.output, level.report, level.quads_out}); !status) return status;
   }
-  FileSet files;
+  for (const GltfJob& level : levels)
+    if (Status status = document->declare(files, level.output); !status) return status;
   std::string lines;
   for (std::size_t k = 0; k < levels.size(); ++k) {
     const double part = 1 / static_cast<double>(levels.size()), begun = part * static_cast<double>(k);

@@ -10,6 +10,7 @@ struct GltfJob {
   std::filesystem::path input, output, report, quads_out;
   GltfRemeshOptions options;
   std::vector<Index> quads;  ///< one count a level of detail
+  bool force = false;
   Json options_json;
 };
 

@@ -12,24 +12,15 @@ struct SampleCommand {
 };
 
 Status sample(const SampleCommand& options, Session& session) {
-  Expected<Asset> asset = make_sample(options.name, options.triangles, session.context);
-  if (!asset) return asset.error();
-  std::error_code error;
-  const bool fresh = std::filesystem::create_directories(options.folder, error);
-  if (error)
-    return Error{ErrorCode::bad_file, "cannot be made: " + error.message(), options.folder.string(), "name a folder"};
   const auto place = [&](const char* extension) { return options.folder / (options.name + extension); };
-  const auto write = [&]() -> Status {
-    FileSet files;
-    if (Status s = files.add(place(".obj"), obj_text(asset->mesh.positions(), asset->mesh.faces())); !s) return s;
-    if (Status s = files.add(place(".tgf"), tgf_text(asset->rig->skeleton)); !s) return s;
-    if (Status s = files.add(place(".dmat"), dmat_text(asset->rig->weights)); !s) return s;
-    return files.commit();
-  };
-  if (Status status = write(); !status) {
-    if (fresh) std::filesystem::remove(options.folder, error);  // only where it is empty
-    return status;
-  }
+  FileSet files;
+  files.make_folder(options.folder);
+  const Expected<Asset> asset = make_sample(options.name, options.triangles, session.context);
+  if (!asset) return asset.error();
+  if (Status s = files.add(place(".obj"), obj_text(asset->mesh.positions(), asset->mesh.faces())); !s) return s;
+  if (Status s = files.add(place(".tgf"), tgf_text(asset->rig->skeleton)); !s) return s;
+  if (Status s = files.add(place(".dmat"), dmat_text(asset->rig->weights)); !s) return s;
+  if (Status s = files.commit(); !s) return s;
   session.say(place(".obj").string() + ", .tgf, .dmat: " + std::to_string(asset->mesh.face_count()) + " triangles, " +
               std::to_string(asset->rig->skeleton.bone_count()) + " bones");
   return {};

@@ -188,10 +188,12 @@ std::string as_text(const Json& figures) {
 }
 
 /// The largest surface of a glTF file, with its rig.
-Expected<LoadedAsset> load_gltf(const StatsCommand& options, Session& session) {
+Expected<LoadedAsset> load_gltf(const StatsCommand& options, FileSet& files, Session& session) {
   const std::filesystem::path& path = options.input.files.mesh;
   const Expected<GltfDocument> document = GltfDocument::read(path, {}, session.context);
   if (!document) return document.error();
+  for (const std::filesystem::path& file : document->named_files())
+    if (Status status = files.reads(file); !status) return status.error();
   GltfClipOptions clips;
   clips.enabled = options.poses == "clips";
   Expected<std::vector<GltfSurface>> surfaces =
@@ -222,12 +224,10 @@ Expected<std::vector<Pose>> poses_of(const Rig& rig, const StatsCommand& options
 
 Status stats(const StatsCommand& options, Session& session) {
   std::optional<LoadedAsset> input;
-  for (const auto& path : options.meshes) {
-    Input read = options.input;
-    read.files.mesh = path;
-    if (Status status = check_outputs(read, {options.report}); !status) return status;
-  }
-  if (Status status = check_outputs(options.input, {options.report}); !status) return status;
+  FileSet files;
+  for (const auto& path : options.meshes)
+    if (Status status = files.reads(path); !status) return status;
+  if (Status status = declare(files, options.input, {options.report}); !status) return status;
   const AssetFiles& input_files = options.input.files;
   if (is_gltf(input_files.mesh) && !input_files.rig.empty())
     return Error{ErrorCode::bad_option, "a glTF file has its rig and weights within", input_files.mesh.string(),
@@ -238,7 +238,7 @@ Status stats(const StatsCommand& options, Session& session) {
   std::vector<Pose> poses;
   if (!options.input.files.mesh.empty()) {
     Expected<LoadedAsset> loaded =
-        is_gltf(options.input.files.mesh) ? load_gltf(options, session) : load(options.input, session);
+        is_gltf(options.input.files.mesh) ? load_gltf(options, files, session) : load(options.input, session);
     if (!loaded) return loaded.error();
     input = std::move(*loaded);
     if (input->asset.rig) {
@@ -258,13 +258,16 @@ Status stats(const StatsCommand& options, Session& session) {
   report["quadrig"] = QUADRIG_VERSION;
   report["verb"] = "stats";
   report["meshes"] = all;
-  if (!options.report.empty())
-    if (Status status = write_file(options.report, report_text(report)); !status) return status;
+  // The figures first: where they cannot be printed no file is written either.
   session.clear_progress();
   if (options.json)
-    std::fputs(report_text(report).c_str(), stdout);
+    session.print(report_text(report));
   else
     for (const Json& one : all) session.say(as_text(one));
+  if (Status status = session.printed(); !status) return status;
+  if (!options.report.empty())
+    if (Status status = files.add(options.report, report_text(report)); !status) return status;
+  if (Status status = files.commit(); !status) return status;
   return {};
 }
 

@@ -85,9 +85,12 @@ using quadrig::detail::at;
 /// A relative reference and the name it stands for. What means anything in a URI, and what is no ASCII, is encoded.
 [[nodiscard]] std::string percent_decoded(std::string_view text);
 [[nodiscard]] std::string percent_encoded(std::string_view name);
-/// The file that a relative name stands for. \fails bad_input where it has a scheme, is absolute or leaves the folder
+/// The file that a relative name stands for. \fails bad_input where it has a scheme, is absolute or leaves the folder;
+/// bad_file where it is hidden, or is there and is no regular file
 [[nodiscard]] Expected<std::filesystem::path> relative_file(const State& state, std::string_view uri,
                                                             const std::string& where);
+/// Whether the bytes begin as those of an image do.
+[[nodiscard]] bool is_image(std::string_view bytes);
 [[nodiscard]] inline bool is_data_uri(std::string_view uri) { return uri.starts_with("data:"); }
 [[nodiscard]] inline bool has_scheme(std::string_view uri) {
   const auto colon = uri.find(':');

@@ -90,12 +90,17 @@ Expected<std::string> decode_data_uri(const State& state, std::string_view uri, 
 
 Expected<std::filesystem::path> relative_file(const State& state, std::string_view uri, const std::string& where) {
   const std::string remedy = "keep the files of an asset in one folder and name them relative to it";
+  const auto unusable = [&](const char* what) {
+    return Error{ErrorCode::bad_file, what, state.name.string() + ": " + where, "rename it, and export the file again"};
+  };
   if (has_scheme(uri)) return state.bad(where, "names something elsewhere", remedy);
   const std::filesystem::path named = percent_decoded(uri);
   if (named.empty() || named.is_absolute() || named.native().find('\0') != std::string::npos)
     return state.bad(where, "is not a relative name", remedy);
-  for (const auto& part : named)
+  for (const auto& part : named) {
     if (part == "..") return state.bad(where, "leaves the folder of the file", remedy);
+    if (part.native().starts_with('.') && part != ".") return unusable("names a hidden file");
+  }
   const std::filesystem::path folder = state.name.parent_path();
   if (folder.empty() && !std::filesystem::exists(state.name))
     return state.bad(where, "names a file, and the document is not one itself", remedy);
@@ -106,7 +111,59 @@ Expected<std::filesystem::path> relative_file(const State& state, std::string_vi
   const auto inside = there.lexically_relative(home);
   if (error || inside.empty() || *inside.begin() == "..")
     return state.bad(where, "leaves the folder of the file", remedy);
+  // A pipe or a device would be waited for, or never end.
+  const std::filesystem::file_status status = std::filesystem::status(there, error);
+  if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status))
+    return unusable("is no regular file");
   return there;
 }
 
+bool is_image(std::string_view bytes) {
+  using namespace std::string_view_literals;
+  // PNG, JPEG, WebP, KTX 1 and 2, DDS, AVIF, GIF, BMP, Radiance, OpenEXR.
+  constexpr std::string_view beginnings[] = {"\x89PNG\r\n\x1a\n"sv,
+                                             "\xff\xd8\xff"sv,
+                                             "\xabKTX 11\xbb\r\n\x1a\n"sv,
+                                             "\xabKTX 20\xbb\r\n\x1a\n"sv,
+                                             "DDS "sv,
+                                             "GIF8"sv,
+                                             "BM"sv,
+                                             "#?RADIANCE"sv,
+                                             "\x76\x2f\x31\x01"sv};
+  for (const std::string_view beginning : beginnings)
+    if (bytes.starts_with(beginning)) return true;
+  if (bytes.size() < 12) return false;
+  return (bytes.starts_with("RIFF") && bytes.substr(8, 4) == "WEBP") || bytes.substr(4, 8) == "ftypavif";
+}
+
+namespace {
+
+void collect_uris(const Json& json, std::set<std::string>& uris) {
+  if (json.is_object())
+    if (const Json* uri = member(json, "uri"); uri && uri->is_string()) uris.insert(uri->get_ref<const std::string&>());
+  if (json.is_structured())
+    for (const Json& part : json) collect_uris(part, uris);
+}
+
+}  // namespace
 }  // namespace quadrig::gltf
+
+namespace quadrig {
+
+std::vector<std::filesystem::path> GltfDocument::named_files() const {
+  constexpr std::size_t longest_name = 4096;  // of Linux; nothing is called by a longer one
+  std::set<std::string> uris;
+  gltf::collect_uris(state_->json, uris);
+  std::vector<std::filesystem::path> files;
+  for (const std::string& uri : uris) {
+    std::string_view name = uri;
+    if (name.starts_with("file://")) name.remove_prefix(7);
+    if (name.empty() || name.size() > 3 * longest_name || gltf::has_scheme(name)) continue;
+    const std::string decoded = gltf::percent_decoded(name);
+    if (decoded.find('\0') == std::string::npos && decoded.size() <= longest_name)
+      files.push_back(state_->name.parent_path() / decoded);
+  }
+  return files;
+}
+
+}  // namespace quadrig

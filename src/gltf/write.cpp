@@ -127,8 +127,91 @@ Expected<std::string> GltfDocument::glb() const {
   return gltf::as_glb(copy, !state_->edited && state_->container == GltfContainer::binary);
 }
 
+namespace gltf {
+namespace {
+
+/// Whether the document that is at `place` has a buffer of this name: then the file is of that document alone.
+bool names_buffer(const std::filesystem::path& place, const std::filesystem::path& name) {
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(place, ignored)) return false;
+  Context quiet;
+  const Expected<GltfDocument> document = GltfDocument::read(place, {}, quiet);
+  if (!document) return false;
+  const std::set<std::string> buffers = named_files(document->state().json, "buffers");
+  return std::any_of(buffers.begin(), buffers.end(), [&](const std::string& uri) {
+    return std::filesystem::path(percent_decoded(uri)).lexically_normal() == name;
+  });
+}
+
+std::filesystem::path folder_of(const std::filesystem::path& path) {
+  std::error_code ignored;
+  return std::filesystem::weakly_canonical(path.parent_path().empty() ? "." : path.parent_path(), ignored);
+}
+
+/// Buffers without a name become files beside the document.
+Status add_buffers(State& state, FileSet& files, const std::filesystem::path& place,
+                   std::set<std::filesystem::path> taken) {
+  for (std::size_t i = 0; i < state.buffers.size(); ++i) {
+    if (!state.buffers[i].embedded) continue;
+    const std::filesystem::path name = free_name(place, taken);
+    const Expected<std::string_view> bytes = buffer_bytes(state, i);
+    if (!bytes) return bytes.error();
+    const bool own = names_buffer(place, name);
+    if (Status status = own ? files.add(place.parent_path() / name, std::string(*bytes))
+                            : files.add_beside(place, name, std::string(*bytes));
+        !status)
+      return status;
+    state.json["buffers"][i]["uri"] = percent_encoded(name.string());
+  }
+  return {};
+}
+
+/// The files that the document names go with it into another folder. Without a buffer the copy would be broken; without
+/// an image that is not there it looks as before.
+Status add_named(State& state, FileSet& files, const std::filesystem::path& place, const std::set<std::string>& buffers,
+                 const std::set<std::string>& images, Context& context) {
+  const std::filesystem::path from = folder_of(state.name);
+  if (from == folder_of(place)) return {};
+  std::map<std::filesystem::path, bool> sources;  // and whether it is to be an image
+  for (const std::string& name : buffers) {
+    const Expected<std::filesystem::path> source = relative_file(state, name, io::shown(name));
+    if (!source) return source.error();
+    sources.emplace(*source, false);
+  }
+  for (const std::string& name : images) {
+    const Expected<std::filesystem::path> source = relative_file(state, name, io::shown(name));
+    std::error_code ignored;
+    if (!source && source.error().code == ErrorCode::bad_file) return source.error();
+    if (source && std::filesystem::exists(*source, ignored))
+      sources.emplace(*source, true);
+    else
+      context.warn("gltf", "an image does not go with the file: " +
+                               (source ? source->string() + " is not there" : source.error().message()));
+  }
+  for (const auto& [source, image] : sources) {
+    Expected<std::string> bytes = io::read_file(source, {.bytes = state.limits.bytes});
+    if (!bytes) return bytes.error();
+    if (image && !is_image(*bytes))
+      return state.bad(source.string(), "is named as an image and is none", "leave it out of the file");
+    if (Status status = files.add_beside(place, source.lexically_relative(from), std::move(*bytes)); !status)
+      return status;
+  }
+  return {};
+}
+
+}  // namespace
+}  // namespace gltf
+
+Status GltfDocument::declare(FileSet& files, const std::filesystem::path& place) const {
+  if (Status status = files.reads(state_->name); !status) return status;
+  for (const std::filesystem::path& file : named_files())
+    if (Status status = files.reads(file); !status) return status;
+  FileSet trial = files.trial();
+  Context quiet;
+  return add_to(trial, place, quiet);
+}
+
 Status GltfDocument::add_to(FileSet& files, const std::filesystem::path& place, Context& context) const {
-  using gltf::Json;
   const Expected<GltfContainer> wanted = gltf_container(place);
   if (!wanted) return wanted.error();
   const bool untouched = !state_->edited && *wanted == state_->container;
@@ -137,7 +220,7 @@ Status GltfDocument::add_to(FileSet& files, const std::filesystem::path& place, 
   if (*wanted == GltfContainer::binary) {
     Expected<std::string> bytes = gltf::as_glb(copy, untouched);
     if (!bytes) return bytes.error();
-    if (Status status = files.add(place, *bytes); !status) return status;
+    if (Status status = files.add(place, std::move(*bytes)); !status) return status;
   }
   const std::set<std::string> buffers = gltf::named_files(copy.json, "buffers"),
                               images = gltf::named_files(copy.json, "images");
@@ -146,14 +229,7 @@ Status GltfDocument::add_to(FileSet& files, const std::filesystem::path& place, 
     for (const auto* names : {&buffers, &images})
       for (const std::string& uri : *names)
         taken.insert(std::filesystem::path(gltf::percent_decoded(uri)).lexically_normal());
-    for (std::size_t i = 0; i < copy.buffers.size(); ++i) {
-      if (!copy.buffers[i].embedded) continue;
-      const std::filesystem::path name = gltf::free_name(place, taken);
-      const Expected<std::string_view> bytes = gltf::buffer_bytes(copy, i);
-      if (!bytes) return bytes.error();
-      if (Status status = files.add(place.parent_path() / name, *bytes); !status) return status;
-      copy.json["buffers"][i]["uri"] = gltf::percent_encoded(name.string());
-    }
+    if (Status status = gltf::add_buffers(copy, files, place, std::move(taken)); !status) return status;
     for (const gltf::Chunk& chunk : copy.chunks)
       if (!chunk.is_buffer && chunk.type != gltf::json_chunk) {
         context.warn("gltf", "chunks of a .glb that are neither JSON nor its buffer have no place in a .gltf file");
@@ -161,30 +237,7 @@ Status GltfDocument::add_to(FileSet& files, const std::filesystem::path& place, 
       }
     if (Status status = files.add(place, untouched ? copy.text : copy.json.dump(2) + "\n"); !status) return status;
   }
-
-  // The files it names go with it. Without a buffer the copy would be broken; without an image it looks as before.
-  std::error_code ignored;
-  const auto folder_of = [&](const std::filesystem::path& path) {
-    return std::filesystem::weakly_canonical(path.parent_path().empty() ? "." : path.parent_path(), ignored);
-  };
-  const std::filesystem::path from = folder_of(copy.name);
-  if (from == folder_of(place)) return {};
-  const auto add = [&](const std::string& name) -> Status {
-    const Expected<std::filesystem::path> source = gltf::relative_file(copy, name, io::shown(name));
-    if (!source) return source.error();
-    Expected<std::string> bytes = io::read_file(*source, {.bytes = copy.limits.bytes});
-    if (!bytes) return bytes.error();
-    const std::filesystem::path target = place.parent_path() / source->lexically_relative(from);
-    files.make_folder(target.parent_path());
-    return files.add(target, *bytes);
-  };
-  for (const std::string& name : buffers)
-    if (Status status = add(name); !status) return status;
-  for (const std::string& name : images)
-    if (!buffers.contains(name))
-      if (Status status = add(name); !status)
-        context.warn("gltf", "an image does not go with the file: " + status.error().message());
-  return {};
+  return gltf::add_named(copy, files, place, buffers, images, context);
 }
 
 }  // namespace quadrig

@@ -1,8 +1,10 @@
 // What the text readers share: a whole file in memory, and a cursor that knows its line.
 #pragma once
 
+#include <cerrno>
 #include <charconv>
 #include <cstdlib>
+#include <cstring>
 #include <string>
 #include <string_view>
 
@@ -14,6 +16,17 @@ namespace quadrig::io {
 /// a context to ask.
 [[nodiscard]] Expected<std::string> read_file(const std::filesystem::path& path, const FileLimits& limits,
                                               const Context* context = nullptr);
+
+/// The absolute name without links, `.` and `..`, as far as it is there.
+[[nodiscard]] std::filesystem::path canonical_name(const std::filesystem::path& path);
+/// Where a link leads, be that there or not.
+[[nodiscard]] std::filesystem::path followed(std::filesystem::path path);
+
+[[nodiscard]] inline Error file_error(const std::filesystem::path& path, std::string what, std::string remedy) {
+  return {ErrorCode::bad_file, std::move(what), path.string(), std::move(remedy)};
+}
+/// Why the last call of the system failed.
+[[nodiscard]] inline std::string system_reason() { return std::strerror(errno); }
 
 [[nodiscard]] inline Error at_line(const std::filesystem::path& path, std::size_t line, std::string what,
                                    std::string remedy) {

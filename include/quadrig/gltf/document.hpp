@@ -47,11 +47,20 @@ class GltfDocument {
   [[nodiscard]] std::string json() const;
   [[nodiscard]] bool edited() const;
 
+  /// The files that the JSON names, wherever they are and whether they are there or not: buffers, images, and what
+  /// extensions name. Data URIs and other schemes than `file` are none.
+  [[nodiscard]] std::vector<std::filesystem::path> named_files() const;
+
+  /// Declares in `files` that the document and what it names are read, and that it is written to `place`; finds out
+  /// what add_to would refuse before any work is done. \fails as add_to
+  [[nodiscard]] Status declare(FileSet& files, const std::filesystem::path& place) const;
+
   /// Adds the document to `files` at `place`, by its extension .glb or .gltf, with the buffer and image files that it
   /// names where `place` is in another folder. An unedited document in its own container is written byte for byte;
   /// into .glb the first buffer becomes the binary chunk; into .gltf buffers without a name become files beside it.
   /// An image that is not there, or not in the document's folder, is told as a warning and stays where it is.
-  /// \fails bad_file; bad_input where a buffer that it names cannot be used
+  /// \fails bad_file, also where a file that it names is hidden or no regular file; bad_input where a buffer that it
+  ///   names cannot be used, or an image is none by its first bytes; as FileSet::add_beside
   [[nodiscard]] Status add_to(FileSet& files, const std::filesystem::path& place, Context& context) const;
 
   /// The document as one .glb in memory: what add_to writes. Images, and buffers beyond the first, that are files stay

@@ -48,8 +48,8 @@ class Dissection {
     release(piece);
     const auto first = static_cast<std::size_t>(pieces[0].size()), second = static_cast<std::size_t>(pieces[1].size());
     if (threads > 1 && n > 5000) {
-      const std::jthread other([&] { order(std::move(pieces[1]), out.subspan(first, second), threads / 2); });
-      order(std::move(pieces[0]), out.subspan(0, first), threads - threads / 2);
+      detail::side_by_side([&] { order(std::move(pieces[0]), out.subspan(0, first), threads - threads / 2); },
+                           [&] { order(std::move(pieces[1]), out.subspan(first, second), threads / 2); });
     } else {
       order(std::move(pieces[0]), out.subspan(0, first), 1);
       order(std::move(pieces[1]), out.subspan(first, second), 1);

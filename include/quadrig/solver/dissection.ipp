@@ -184,8 +184,8 @@ class ClusteredDissection {
     piece = Piece();
     const std::span<Index> left = out.first(at(total[0])), right = out.subspan(at(total[0]), at(total[1]));
     if (threads > 1 && out.size() > 20000) {
-      const std::jthread other([&] { dissect(std::move(halves[1]), right, threads / 2); });
-      dissect(std::move(halves[0]), left, threads - threads / 2);
+      side_by_side([&] { dissect(std::move(halves[0]), left, threads - threads / 2); },
+                   [&] { dissect(std::move(halves[1]), right, threads / 2); });
     } else {
       dissect(std::move(halves[0]), left, 1);
       dissect(std::move(halves[1]), right, 1);

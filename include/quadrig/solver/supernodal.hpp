@@ -226,9 +226,18 @@ class SupernodalCholesky {
         const bool alone = ready.empty() && running == 0;
         ++running;
         lock.unlock();
-        keep_square(run, s);
-        const bool done = is_subtree[at(s)] ? eliminate_subtree(run, s, stacks, context)
-                                            : eliminate(run, s, alone ? &context : nullptr, context);
+        bool done = false;
+        try {
+          keep_square(run, s);
+          done = is_subtree[at(s)] ? eliminate_subtree(run, s, stacks, context)
+                                   : eliminate(run, s, alone ? &context : nullptr, context);
+        } catch (...) {  // no memory: the others are not to wait for this one
+          lock.lock();
+          --running;
+          ready.clear();
+          changed.notify_all();
+          throw;
+        }
         if (!is_subtree[at(s)])
           for (Index c = symbolic.child[at(s)]; c != no_index; c = symbolic.sibling[at(c)]) run.kept[at(c)].reset();
         lock.lock();
