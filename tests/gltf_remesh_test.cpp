@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <map>
 
 #include "quadrig/gltf.hpp"
 
@@ -298,6 +299,26 @@ TEST_CASE("gltf: normals of morph targets are those of the moved quads", "[gltf]
   CHECK(largest > 1e-4);
   CHECK(largest < 0.2);
   CHECK(length < 1e-5);
+}
+
+TEST_CASE("gltf: vertices doubled along seams move as one in morph targets", "[gltf]") {
+  Context context;
+  // Coarse quads: corners of those that reach over a seam lie far from their own side.
+  Expected<GltfDocument> document = GltfDocument::parse(tube_file({.sides = 24, .rings = 32}), "tube.glb", {}, context);
+  REQUIRE(remesh_gltf(*document, asked(90), context).has_value());
+  const Expected<std::vector<GltfVertices>> moved = gltf_vertices(*document, "targets[0].POSITION", context);
+  REQUIRE(moved.has_value());
+  std::map<std::array<double, 3>, Vector3> first;
+  Index doubled = 0;
+  for (const GltfVertices& one : *moved)
+    for (Eigen::Index v = 0; v < one.positions.rows(); ++v) {
+      const Vector3 change = one.values.row(v).transpose();
+      const auto [place, is_new] =
+          first.try_emplace({one.positions(v, 0), one.positions(v, 1), one.positions(v, 2)}, change);
+      doubled += is_new ? 0 : 1;
+      CHECK((place->second - change).norm() < 1e-6);
+    }
+  CHECK(doubled > 10);
 }
 
 TEST_CASE("gltf: shells that are due less than a few quads stay as they are", "[gltf]") {

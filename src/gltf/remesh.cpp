@@ -99,11 +99,46 @@ struct MorphNormals {
   }
 };
 
+/// What each morph target does to the position of a vertex: once a vertex and mesh, whatever the side of a seam, so
+/// that vertices doubled there move as one.
+class MorphPositions {
+ public:
+  MorphPositions(const Job& job, const QuadMesh& quads, Regions& regions)
+      : job_(job), quads_(quads), regions_(regions) {
+    for (const Attribute& a : job.gathered.attributes)
+      if (a.target != Attribute::no_target && a.name == "POSITION") columns_.push_back(a.first);
+  }
+  /// \param values what the vertex has in that primitive; their displacements are set
+  void put(Index v, Index primitive, Eigen::VectorXd& values) {
+    if (columns_.empty()) return;
+    const auto mesh_of = [&](Index number) { return job_.gathered.primitives[at(number)].mesh; };
+    const SurfacePoint& source = quads_.source[at(v)];
+    const Index below = job_.gathered.surface.source_primitive[at(job_.source_face[at(source.face)])];
+    const std::size_t mesh = mesh_of(primitive);
+    const auto [place, is_new] = known_.try_emplace({mesh, v}, columns_.size());
+    std::vector<Vector3>& moved = place->second;
+    // Targets of another mesh are others: of a vertex that lies on one, what its own side of the border has counts.
+    if (is_new) {
+      const Eigen::VectorXd own = mesh_of(below) == mesh ? regions_.values_at(source) : values;
+      for (std::size_t k = 0; k < columns_.size(); ++k) moved[k] = own.segment<3>(columns_[k]);
+    }
+    for (std::size_t k = 0; k < columns_.size(); ++k) values.segment<3>(columns_[k]) = moved[k];
+  }
+
+ private:
+  const Job& job_;
+  const QuadMesh& quads_;
+  Regions& regions_;
+  std::vector<Eigen::Index> columns_;
+  std::map<std::pair<std::size_t, Index>, std::vector<Vector3>> known_;
+};
+
 void add_quads(Job& job, const GltfRemeshed& done, Index influences) {
   const QuadMesh& quads = done.result.mesh;
   Regions regions(job.gathered, done.remeshed, job.source_face);
   const Points<double> normals = smooth_normals(quads, quads.positions);
   const MorphNormals morphs(job.gathered, quads, normals, regions);
+  MorphPositions displacements(job, quads, regions);
   // Values that a vertex has in a primitive: more than one where a seam runs through it.
   std::map<std::pair<Index, Index>, std::vector<Eigen::VectorXd>> variants;
   for (Index q = 0; q < quads.quad_count(); ++q) {
@@ -123,6 +158,7 @@ void add_quads(Job& job, const GltfRemeshed& done, Index influences) {
       corner[static_cast<std::size_t>(i)] = builder.vertex(key, [&] {
         const Vector3 p = quads.positions.row(v).transpose();
         PrimitiveBuilder::Vertex made{p, normals.row(v).transpose(), own, {}, {}};
+        displacements.put(v, values.primitive, made.values);
         morphs.put(v, made.values);
         made.source = source_of(job, job.source_face[at(quads.source[at(v)].face)], p);
         if (done.result.weights) made.weights = strongest(*done.result.weights, v, influences);
