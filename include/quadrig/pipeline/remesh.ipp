@@ -4,7 +4,6 @@
 
 #include "quadrig/constraints/gradation.hpp"
 #include "quadrig/dominance.hpp"
-#include "quadrig/pipeline/coarse_quads.hpp"
 #include "quadrig/pipeline/component.hpp"
 #include "quadrig/pipeline/features.hpp"
 #include "quadrig/pipeline/shares.hpp"
