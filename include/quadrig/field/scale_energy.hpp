@@ -4,6 +4,7 @@
 #include <numbers>
 
 #include "quadrig/energy.hpp"
+#include "quadrig/mesh.hpp"
 #include "quadrig/solver.hpp"
 
 namespace quadrig {
