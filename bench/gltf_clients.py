@@ -49,7 +49,7 @@ def remesh(quadrig, path, out, quads):
     figures = json.loads(report.read_text())
     figures["cpu"] = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
     checked = run([quadrig, "-q", "stats", obj, "--json"], 120)[1]
-    figures["valid"] = figures["valid"] and json.loads(checked[checked.index("{"):])["meshes"][0]["valid"]
+    figures["valid"] = json.loads(checked[checked.index("{"):])["meshes"][0]["valid"]
     figures["parts_failed"] = sum(len(surface["failures"]) for surface in figures["surfaces"])
     copy = out.with_name("copy" + path.suffix)
     figures["copied"] = run([quadrig, "-q", "copy", path, copy], 60)[0] == 0 and copy.read_bytes() == path.read_bytes()

@@ -5,5 +5,3 @@
 #include "quadrig/pipeline/component.ipp"
 #include "quadrig/pipeline/mapped_quads.ipp"
 #include "quadrig/pipeline/remesh.ipp"
-#include "quadrig/quads/integer_map.ipp"
-#include "quadrig/seamless/seamless_map.ipp"

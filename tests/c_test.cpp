@@ -415,6 +415,67 @@ TEST_CASE("c: a memory limit is kept by refusing, with the number", "[c][gltf][f
   CHECK(loaded(20'000'000) == quadrig_out_of_memory);  // 19602 triangles
 }
 
+TEST_CASE("c: sizes and directions of the caller's own reach the quads", "[c]") {
+  constexpr std::uint32_t n = 20;
+  std::vector<double> positions, density;
+  std::vector<std::uint32_t> triangles, under;
+  for (std::uint32_t j = 0; j <= n; ++j)
+    for (std::uint32_t i = 0; i <= n; ++i) positions.insert(positions.end(), {1.0 * i, 1.0 * j, 0.0});
+  for (std::uint32_t j = 0; j < n; ++j)
+    for (std::uint32_t i = 0; i < n; ++i) {
+      const std::uint32_t v = i + j * (n + 1);
+      triangles.insert(triangles.end(), {v, v + 1, v + n + 2, v, v + n + 2, v + n + 1});
+      for (int k = 0; k < 2; ++k) {
+        if (i > 7 && i < 12 && j > 7 && j < 12) under.push_back(static_cast<std::uint32_t>(density.size()));
+        density.push_back(i < n / 2 ? 1 : 3);
+      }
+    }
+  quadrig_mesh mesh;
+  quadrig_mesh_init(&mesh, sizeof mesh);
+  mesh.positions = positions.data();
+  mesh.vertex_count = positions.size() / 3;
+  mesh.triangles = triangles.data();
+  mesh.triangle_count = triangles.size() / 3;
+  const Handle<quadrig_job> job(quadrig_job_create());
+  quadrig_asset* made = nullptr;
+  REQUIRE(quadrig_asset_create(job.get(), &mesh, &made) == quadrig_ok);
+  const Handle<quadrig_asset> asset(made);
+  const auto positions_with = [&](const quadrig_options& options) {
+    quadrig_quads* out = nullptr;
+    REQUIRE(quadrig_remesh(job.get(), asset.get(), &options, &out) == quadrig_ok);
+    std::vector<double> result(3 * quadrig_quads_vertex_count(out));
+    REQUIRE(quadrig_quads_positions(out, result.data(), result.size()) == quadrig_ok);
+    quadrig_quads_destroy(out);
+    return result;
+  };
+  const auto share_right = [](const std::vector<double>& points) {
+    double right = 0;
+    for (std::size_t v = 0; v < points.size(); v += 3) right += points[v] > n / 2;
+    return 3 * right / static_cast<double>(points.size());
+  };
+  quadrig_options options = options_for(400);
+  const std::vector<double> plain = positions_with(options);
+  CHECK(share_right(plain) == quadrig::test::Approx(0.5).margin(0.05));
+  options.density = density.data();
+  options.density_count = density.size();
+  CHECK(share_right(positions_with(options)) > 0.6);
+  options.density_count = 7;
+  quadrig_quads* none = nullptr;
+  CHECK(quadrig_remesh(job.get(), asset.get(), &options, &none) == quadrig_bad_option);
+  CHECK(message_of(job).find("options.density") != std::string::npos);
+
+  options = options_for(400);
+  std::vector<double> directions;
+  for (std::size_t k = 0; k < under.size(); ++k) directions.insert(directions.end(), {1, 1, 0});
+  options.direction_triangles = under.data();
+  options.directions = directions.data();
+  options.direction_count = under.size();
+  CHECK(positions_with(options) != plain);
+  under[0] = static_cast<std::uint32_t>(mesh.triangle_count);
+  CHECK(quadrig_remesh(job.get(), asset.get(), &options, &none) == quadrig_bad_option);
+  CHECK(message_of(job).find("options.direction_triangles") != std::string::npos);
+}
+
 TEST_CASE("c: what an option cannot do for an asset is told", "[c][gltf][fast]") {
   const Handle<quadrig_job> job(quadrig_job_create());
   const std::string file = tube_file();

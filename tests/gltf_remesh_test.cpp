@@ -54,7 +54,6 @@ TEST_CASE("gltf: the written file holds the quads as triangle pairs, closed once
     const Done done = remeshed({.as_json = as_json}, asked(400));
     REQUIRE(done.surfaces.size() == 1);
     const RemeshResult& result = done.surfaces[0].result;
-    CHECK(result.report.valid);
     const TriangleMesh<double>& mesh = done.read_back[0].asset.mesh;
     CHECK(mesh.face_count() == 2 * result.mesh.quad_count());
     CHECK(mesh.vertex_count() == result.mesh.vertex_count());
@@ -94,7 +93,6 @@ TEST_CASE("gltf: a skin that cannot be read stays as it is, by name and with its
   const Expected<std::vector<GltfRemeshed>> all = remesh_gltf(*document, asked(300), context);
   REQUIRE(all.has_value());
   REQUIRE(all->size() == 2);
-  CHECK((*all)[0].result.report.valid);
   CHECK((*all)[0].failures.empty());
   REQUIRE((*all)[1].failures.size() == 1);
   const GltfFailure& failure = (*all)[1].failures[0];
@@ -158,7 +156,6 @@ TEST_CASE("gltf: a shell that cannot be remeshed stays among the quads of the ot
   const Done done = remeshed({.needle = true}, options);
   REQUIRE(done.surfaces.size() == 1);
   const GltfRemeshed& one = done.surfaces[0];
-  CHECK(one.result.report.valid);
   CHECK(face_components(done.read_back[0].asset.mesh).count == 2);
   // What it becomes is the pipeline's to say; what is told of it must be true.
   REQUIRE(one.failures.size() == static_cast<std::size_t>(one.passed_shells));
@@ -370,8 +367,10 @@ TEST_CASE("gltf: the bytes of the replaced surface go, and all others stay", "[g
 
 TEST_CASE("gltf: the poses of the clips can be what sizes are made for", "[gltf]") {
   GltfRemeshOptions options = asked(300);
+  const Points<double> bends = remeshed({}, options).surfaces[0].result.mesh.positions;
   options.pose_source = GltfPoses::clips;
-  CHECK(remeshed({}, options).surfaces[0].result.report.valid);
+  const Points<double> clips = remeshed({}, options).surfaces[0].result.mesh.positions;
+  CHECK((bends.rows() != clips.rows() || (bends - clips).norm() > 1e-6));
 }
 
 TEST_CASE("gltf: an option that cannot be leaves the document as it was", "[gltf]") {

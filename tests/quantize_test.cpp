@@ -1,4 +1,5 @@
 #include "map_shapes.hpp"
+#include "quadrig/quantize/rings.hpp"
 #include "test.hpp"
 
 using namespace quadrig;

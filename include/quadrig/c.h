@@ -160,6 +160,13 @@ typedef struct quadrig_options {
   uint32_t keep;         /* of quadrig_keep: 0 */
   uint32_t edge_count;   /* of an asset that was made from arrays: entries of `edges`, two vertices each */
   const uint32_t* edges; /* edges of its triangles that become edges of quads */
+  /* Of the caller's own, of an asset that was made from arrays; null or 0, the default: none. */
+  size_t density_count;                /* one a triangle */
+  const double* density;               /* quads a unit area, relative to each other, > 0 */
+  size_t direction_count;              /* entries of the next three */
+  const uint32_t* direction_triangles; /* triangles whose quads run along or across a direction */
+  const double* directions;            /* three numbers each */
+  const double* direction_weights;     /* that of a bone is 1; infinity, or null: exactly so */
 } quadrig_options;
 
 QUADRIG_C_API void quadrig_options_init(quadrig_options* options, size_t size);

@@ -18,6 +18,9 @@ struct GltfRemeshOptions {
   /// `strict`: a part that cannot be remeshed is an error.
   PrepareOptions prepare;
   GltfSelection selection;
+  /// Called before a part of a surface is remeshed, with its mesh and rig, the face of the surface's mesh that each of
+  /// its faces is, and its options: may set what depends on the mesh, such as directions, densities and features.
+  std::function<void(const Asset& part, std::span<const Index> source_face, RemeshOptions& options)> on_part;
   GltfPoses pose_source = GltfPoses::bends;
   Index most_poses = 64;  ///< of clips
   /// Shells whose share of the count is smaller are left as the triangles they are.

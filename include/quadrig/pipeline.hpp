@@ -25,8 +25,8 @@ struct OwnTerms {
   std::vector<AnyTerm<Complex>> x0, x1;
 };
 
-/// Where the directions of the quads come from, beside smoothness. What the caller gives is of no matter to the thesis
-/// preset.
+/// Where the directions of the quads come from, besides smoothness. The thesis preset ignores the weights and rejects
+/// own directions.
 struct DirectionOptions {
   std::optional<double> bones;      ///< pull of the bones; unset: the preset's
   std::optional<double> curvature;  ///< pull of the rest curvature; unset: the preset's
@@ -57,7 +57,7 @@ struct DirectionOptions {
 struct RemeshOptions {
   Index quads = 2000;  ///< wanted; see RemeshReport::minimum_count for surfaces that need more
   FieldPreset preset = FieldPreset::standard;
-  DirectionOptions directions;  ///< of no matter to the thesis preset
+  DirectionOptions directions;
   /// Unset: the preset's (docs/bending.md).
   std::optional<SizingOptions> sizing;
   /// Poses the metric is built from, and their weights (empty: 1 each). No poses: every bone bent by ±`bend_degrees`
@@ -78,11 +78,8 @@ struct RemeshOptions {
   bool group_borders = false;
   PolishOptions polish;
   FitOptions fit;
-  /// Called with all quads before they are fitted to the surface (the asset's mesh) and with a flag a vertex for those
-  /// on kept edges; may move the others along the surface, and returns those that the fit leaves in place beside them,
-  /// a flag each, or nothing.
-  std::function<std::vector<char>(const TriangleMesh<double>&, const std::vector<char>&, QuadMesh&)> before_fit;
-  SolverChoice solver{};  ///< of every stage
+  bool keep_maps = false;  ///< RemeshResult::maps
+  SolverChoice solver{};   ///< of every stage
 
   /// \fails bad_option, naming the field
   [[nodiscard]] Status validate() const;
@@ -131,7 +128,6 @@ struct StageBackends {
 };
 
 struct RemeshReport {
-  bool valid = false;
   Index quads = 0, vertices = 0, irregular = 0;
   double scaled_jacobian_average = 0, scaled_jacobian_minimum = 0;
   /// `quads` where that is more than the tolerance above what was asked for, as fewer that fit were not found; else 0.
@@ -144,12 +140,46 @@ struct RemeshReport {
   FitReport fit;           ///< of all components together
 };
 
+/// The map that the quads of a component are the grid of.
+struct ComponentMap {
+  TriangleMesh<double> mesh;  ///< its triangles: the component's own, refined, or those of a stand-in
+  /// A half-edge: the parameters of its origin in its face, one unit a quad. Of the rung `fine_map` an integer-grid
+  /// map, of `coarse_map` the seamless map before integers.
+  std::vector<Complex> z;
+  std::vector<Index> index4;  ///< I4 a vertex: inside 4 − I4 quads, on the border 2 − I4
+  EdgeMarks cut;              ///< edges across which the parameters jump
+  Rung rung = Rung::fine_map;
+  Index component = 0;  ///< of RemeshReport::components
+};
+
 struct RemeshResult {
   QuadMesh mesh;                       ///< `source`: the points of the asset's mesh nearest to the vertices
   std::optional<SkinWeights> weights;  ///< one row a vertex of `mesh`, where the asset has a rig
   std::vector<Points<double>> morphs;  ///< displacements of the vertices of `mesh`, one matrix a morph of the options
   RemeshReport report;
+  std::vector<ComponentMap> maps;  ///< of components that were not split, where `keep_maps` asks for them
 };
+
+/// Quads as `remesh` has them before the fit.
+struct UnfittedQuads {
+  QuadMesh mesh;                  ///< `source` refers to the asset's mesh
+  std::vector<char> on_features;  ///< a flag a vertex: on a kept edge
+  /// A flag a vertex that the fit is to leave where it is beside these; may be changed.
+  std::vector<char> held;
+  RemeshReport report;  ///< of the stages so far
+  std::vector<ComponentMap> maps;
+  SlideTargets targets;                                  ///< what FitMethod::slide goes by
+  std::shared_ptr<const Connection<double>> connection;  ///< of the asset's mesh; `targets` refers to it
+};
+
+/// The first part of `remesh`: quads of all components, not fitted yet. Positions may be moved along the surface,
+/// `source` with them, before they go on to `fit_and_skin`. \fails as remesh
+[[nodiscard]] QUADRIG_INLINE Expected<UnfittedQuads> remesh_unfitted(const Asset& asset, const RemeshOptions& options,
+                                                                     Context& context);
+/// The second: the fit, and the weights of the rig where the vertices came to lie.
+/// \pre asset and options are those of the first \fails as remesh
+[[nodiscard]] QUADRIG_INLINE Expected<RemeshResult> fit_and_skin(const Asset& asset, const RemeshOptions& options,
+                                                                 UnfittedQuads quads, Context& context);
 
 /// Remeshes an asset that `prepare` let through. Components are remeshed apart, each with its share of the count.
 /// The result is the same bits for any number of threads.

@@ -1,6 +1,7 @@
 // The seamless map: charts cut open, constraints built in exactly, a Poisson solve that ends without flips.
 //
 //   seamless_map   the arrow: a field with sizes in, the map with its report out
+//   from_uv        the same of corner coordinates of one's own
 //   cut_graph      combs the frames and cuts the surface to a disc; each corner's chart relative to its vertex
 //   aligned_edges  where the map has to be straight: along the border and along edges that are kept
 //   unknowns       transitions, cones and straight borders eliminated over Z[i] or Z; what remains is free
@@ -11,6 +12,7 @@
 
 #include "quadrig/seamless/aligned_edges.hpp"
 #include "quadrig/seamless/cut_graph.hpp"
+#include "quadrig/seamless/from_uv.hpp"
 #include "quadrig/seamless/poisson.hpp"
 #include "quadrig/seamless/seamless_map.hpp"
 #include "quadrig/seamless/target.hpp"

@@ -38,6 +38,9 @@ struct SizingOptions {
   double least_density = 0.25;  ///< of the mean, in (0, 1]
   double largest_density = 16;  ///< of the mean, ≥ 1
   double gradation = 0.3;       ///< relative change of size over one quad, > 0
+  /// Quads a unit area, relative to each other, in the place of `density`: one value a vertex of the mesh, or one a
+  /// face; empty: none. Graded like the others.
+  std::vector<double> own_density{};
 
   [[nodiscard]] Status validate() const {
     const auto bad = [](std::string field, std::string remedy) {
@@ -48,6 +51,8 @@ struct SizingOptions {
     if (!(least_density > 0 && least_density < 1)) return bad("least_density", "give a number in (0, 1)");
     if (!(largest_density >= 1)) return bad("largest_density", "give 1 or more");
     if (!(gradation > 0)) return bad("gradation", "give a number above 0");
+    for (const double d : own_density)
+      if (!(d > 0 && std::isfinite(d))) return bad("own_density", "give numbers above 0");
     return {};
   }
 };

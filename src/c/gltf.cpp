@@ -36,6 +36,9 @@ Expected<quadrig_status> remesh_document(quadrig_job* job, GltfDocument& documen
   own.selection.unskinned = options->unskinned != 0;
   if (options->edge_count > 0)
     return Error{ErrorCode::bad_option, "are for assets made from arrays", "options.edges", "leave them out"};
+  if (options->density_count > 0 || options->direction_count > 0)
+    return Error{ErrorCode::bad_option, "are for assets made from arrays", "options.density, options.directions",
+                 "leave them out"};
   for (std::uint32_t i = 0; i < options->select_count; ++i) {
     if (!options->select || !options->select[i]) return c::null_argument("options.select");
     own.selection.names.emplace_back(options->select[i]);

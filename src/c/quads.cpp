@@ -50,6 +50,39 @@ Expected<std::vector<Index>> edges_to_keep(const quadrig_asset& asset, const qua
   return io::kept_halfedges(given, asset.asset->mesh, asset.source_polygon, keep, "options.edges", context);
 }
 
+/// Sizes and directions for the caller's triangles. \fails bad_option
+Status add_own(const quadrig_asset& asset, const quadrig_options& options, RemeshOptions& wanted) {
+  if (options.density_count == 0 && options.direction_count == 0) return {};
+  const auto given = static_cast<std::size_t>(asset.triangles.rows());
+  const char* field = options.density_count > 0 ? "options.density" : "options.directions";
+  if (given == 0) return Error{ErrorCode::bad_option, "are for assets made from arrays", field, "leave them out"};
+  if (options.density_count > 0) {
+    if (!options.density) return c::null_argument("options.density");
+    if (options.density_count != given)
+      return Error{ErrorCode::bad_option, std::to_string(options.density_count) + " values", "options.density",
+                   "give one a triangle, " + std::to_string(given)};
+    wanted.sizing.emplace().largest_aspect = 1;
+    for (const Index triangle : asset.source_polygon)
+      wanted.sizing->own_density.push_back(options.density[at(triangle)]);
+  }
+  if (options.direction_count == 0) return {};
+  if (!options.direction_triangles || !options.directions) return c::null_argument("options.directions");
+  std::vector<std::vector<Index>> faces(given);
+  for (std::size_t f = 0; f < asset.source_polygon.size(); ++f)
+    faces[at(asset.source_polygon[f])].push_back(static_cast<Index>(f));
+  for (std::size_t k = 0; k < options.direction_count; ++k) {
+    const std::uint32_t triangle = options.direction_triangles[k];
+    if (triangle >= given)
+      return Error{ErrorCode::bad_option, "triangle " + std::to_string(triangle) + " does not exist",
+                   "options.direction_triangles", "count triangles from 0"};
+    const double weight =
+        options.direction_weights ? options.direction_weights[k] : std::numeric_limits<double>::infinity();
+    const double* d = options.directions + 3 * k;
+    for (const Index f : faces[triangle]) wanted.directions.own.push_back({f, Vector3(d[0], d[1], d[2]), weight});
+  }
+  return {};
+}
+
 template <class Out, class Value>
 quadrig_status put(const quadrig_quads* quads, Out* out, std::size_t capacity, std::size_t count, Value value) {
   if (!quads || (!out && count > 0)) return quadrig_bad_option;
@@ -75,6 +108,7 @@ quadrig_status quadrig_remesh(quadrig_job* job, const quadrig_asset* asset, cons
     Expected<std::vector<Index>> features = edges_to_keep(*asset, *own, context);
     if (!features) return features.error();
     wanted->features = std::move(*features);
+    if (Status status = add_own(*asset, *own, *wanted); !status) return status.error();
     if (own->keep & (quadrig_keep_materials | quadrig_keep_textures))
       context.warn("options.keep", "an asset has neither materials nor textures: their borders are kept of glTF files");
     const double bones = asset->asset->rig ? asset->asset->rig->skeleton.bone_count() : 0;

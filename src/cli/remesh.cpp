@@ -1,4 +1,5 @@
 // quadrig remesh: the whole way.
+#include "map_obj.hpp"
 #include "remesh_gltf.hpp"
 
 namespace quadrig::cli {
@@ -11,7 +12,7 @@ struct RemeshCommand {
   SizingOptions sizing;
   bool aspect_given = false;
   double crease_degrees = 0;
-  std::filesystem::path output, report, weights_out, quads_out;
+  std::filesystem::path output, report, weights_out, quads_out, map_out;
   bool binary_weights = false;
   std::string poses = "bends";
   std::vector<Index> quads;
@@ -74,7 +75,9 @@ Status remesh_files(RemeshCommand options, Session& session) {
   const std::filesystem::path& weights_out = options.weights_out;
   const bool gltf = is_gltf(input.files.mesh);
   if (!gltf && options.output.extension() != ".obj")
-    return Error{ErrorCode::bad_option, "quads are written as OBJ alone", options.output.string(), "name an .obj file"};
+    return Error{ErrorCode::bad_option,
+                 "the quads of " + input.files.mesh.extension().string() + " files can only be written as OBJ",
+                 options.output.string(), "give a name that ends in .obj"};
   if (gltf && (!weights_out.empty() || !input.files.rig.empty()))
     return Error{ErrorCode::bad_option, "a glTF file has its rig and weights within", input.files.mesh.string(),
                  "leave out --rig, --weights and --weights-out"};
@@ -84,8 +87,12 @@ Status remesh_files(RemeshCommand options, Session& session) {
                  "--quads-out, --poses, --select, --all, --source-map and --no-seams are for glTF files",
                  input.files.mesh.string(), "leave them out"};
   if (!options.quads_out.empty() && options.quads_out.extension() != ".obj")
-    return Error{ErrorCode::bad_option, "quads are written as OBJ alone", options.quads_out.string(),
-                 "name an .obj file"};
+    return Error{ErrorCode::bad_option, "quads can only be written as OBJ", options.quads_out.string(),
+                 "give a name that ends in .obj"};
+  if (!options.map_out.empty() && (gltf || options.map_out.extension() != ".obj"))
+    return Error{ErrorCode::bad_option,
+                 gltf ? "--map-out is not available for glTF files" : "the map can only be written as OBJ",
+                 options.map_out.string(), gltf ? "leave it out" : "give a name that ends in .obj"};
   if (!gltf && options.quads.size() > 1)
     return Error{ErrorCode::bad_option, "several counts are for glTF files", input.files.mesh.string(), "give one"};
   if (options.quads.empty() || options.quads.size() > 16)
@@ -146,16 +153,21 @@ Status remesh_files(RemeshCommand options, Session& session) {
   if (!loaded) return loaded.error();
   const double read_seconds = watch.seconds();
   options.remesh.features = loaded->features;
+  options.remesh.keep_maps = !options.map_out.empty();
   const Expected<RemeshResult> result = remesh(loaded->asset, options.remesh, session.context);
   if (!result) return result.error();
   const RemeshReport& r = result->report;
-  if (!r.valid)
-    return Error{ErrorCode::stage_failed, "the quads break a rule of validity", "remesh", "ask for more quads"};
 
   if (Status status = files.add(options.output, obj_text(result->mesh)); !status) return status;
   if (!weights_out.empty()) {
     const DmatFormat format = options.binary_weights ? DmatFormat::binary : DmatFormat::ascii;
     if (Status status = files.add(weights_out, dmat_text(*result->weights, format)); !status) return status;
+  }
+  if (!options.map_out.empty()) {
+    if (result->maps.empty())
+      return Error{ErrorCode::stage_failed, "no component has a map: all were split", options.map_out.string(),
+                   "ask for more quads, or leave out --map-out"};
+    if (Status status = files.add(options.map_out, map_obj_text(result->maps)); !status) return status;
   }
   if (!options.report.empty()) {
     const Json report = report_json(options, *loaded, r, read_seconds, session.context.warnings);
@@ -174,7 +186,6 @@ Status remesh_files(RemeshCommand options, Session& session) {
 }  // namespace
 
 void add_remesh_figures(Json& report, const RemeshReport& r, double read_seconds, std::span<const Warning> warnings) {
-  report["valid"] = r.valid;
   report["quads"] = r.quads;
   report["vertices"] = r.vertices;
   report["irregular"] = r.irregular;
@@ -240,6 +251,10 @@ void add_remesh(CLI::App& app, Run& run) {
       ->required()
       ->type_name("OUT.obj|.glb|.gltf");
   verb->add_option("--quads-out", options->quads_out, "The quads of a glTF file alone")->type_name("Q.obj");
+  verb->add_option(
+          "--map-out", options->map_out,
+          "The map: its triangles with the grid of the quads as texture coordinates, cuts and singular vertices")
+      ->type_name("M.obj");
   verb->add_option("--weights-out", options->weights_out, "Their skin weights")->type_name("W.dmat");
   verb->add_flag("--binary-weights", options->binary_weights, "Write the weights as binary DMAT")
       ->needs("--weights-out");

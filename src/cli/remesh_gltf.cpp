@@ -7,13 +7,11 @@ namespace {
 /// All surfaces together, as the report of one surface.
 RemeshReport together(std::span<const GltfRemeshed> all, const RemeshOptions& options) {
   RemeshReport sum;
-  sum.valid = true;
   sum.scaled_jacobian_minimum = 1;
   Index largest = -1;
   for (const GltfRemeshed& one : all) {
     const RemeshReport& r = one.result.report;
     if (r.quads == 0) continue;
-    sum.valid = sum.valid && r.valid;
     sum.scaled_jacobian_average += r.scaled_jacobian_average * r.quads;
     sum.scaled_jacobian_minimum = std::min(sum.scaled_jacobian_minimum, r.scaled_jacobian_minimum);
     sum.quads += r.quads;
@@ -121,8 +119,6 @@ Status add_level(const GltfJob& job, GltfDocument document, double read_seconds,
   if (!all) return all.error();
   RemeshReport sum = together(*all, job.options.remesh);
   sum.seconds.total = watch.seconds();
-  if (!sum.valid)
-    return Error{ErrorCode::stage_failed, "the quads break a rule of validity", "remesh", "ask for more quads"};
   if (Status status = document.add_to(files, job.output, session.context); !status) return status;
   if (!job.quads_out.empty())
     if (Status status = files.add(job.quads_out, obj_text(joined(*all))); !status) return status;

@@ -98,15 +98,21 @@ Status remesh_shells(const Gathered& gathered, Shells& shells, double quads, con
       if (own.features.empty() && !std::exchange(told, true))
         tell("has no borders of materials or textures, so none are kept");
     }
-    if (options.snap_seams)
-      own.before_fit = [&](const TriangleMesh<double>& mesh, const std::vector<char>& held, QuadMesh& mesh_of_quads) {
-        Regions regions(gathered, mesh, source_face);
-        SeamFigures figures = snap_to_seams(mesh, regions, options.least_at_seams, held, mesh_of_quads, with);
-        done.seam_edges = figures.edges;
-        done.snapped_edges = figures.on_seams;
-        return std::move(figures.placed);
-      };
-    Expected<RemeshResult> result = remesh(part, own, with);
+    if (options.on_part) options.on_part(part, source_face, own);
+    Expected<UnfittedQuads> made = remesh_unfitted(part, own, with);
+    if (made && options.snap_seams) {
+      const Stopwatch watch;
+      Regions regions(gathered, part.mesh, source_face);
+      const SeamFigures figures =
+          snap_to_seams(part.mesh, regions, options.least_at_seams, made->on_features, made->mesh, with);
+      done.seam_edges = figures.edges;
+      done.snapped_edges = figures.on_seams;
+      for (std::size_t v = 0; v < figures.placed.size(); ++v) made->held[v] = made->held[v] || figures.placed[v];
+      made->report.seconds.polish += watch.seconds();
+      made->report.seconds.total += watch.seconds();
+    }
+    Expected<RemeshResult> result =
+        made ? fit_and_skin(part, own, std::move(*made), with) : Expected<RemeshResult>(made.error());
     done.remeshed = std::move(part.mesh);
     return result;
   };

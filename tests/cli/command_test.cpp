@@ -205,13 +205,17 @@ TEST_CASE("command: remesh writes quads, weights and report, the same bytes at a
   CHECK(read_text(folder / "q1.obj") == read_text(folder / "q5.obj"));
   CHECK(read_text(folder / "w1.dmat") == read_text(folder / "w5.dmat"));
   const std::string report = read_text(folder / "r1.json");
-  for (const char* key :
-       {"\"valid\": true", "\"quads\": ", "\"irregular\": ", "\"scaled_jacobian\": {",
-        "\"average\": ", "\"minimum\": ", "\"seconds\": {", "\"warnings\": [", "\"options\": {", "\"quadrig\": \""}) {
+  for (const char* key : {"\"quads\": ", "\"irregular\": ", "\"scaled_jacobian\": {", "\"average\": ", "\"minimum\": ",
+                          "\"seconds\": {", "\"warnings\": [", "\"options\": {", "\"quadrig\": \""}) {
     INFO(key);
     CHECK(has(report, key));
   }
   CHECK(has(run_quadrig(folder, "stats q1.obj").output, "q1.obj: valid"));
+  CHECK(run_quadrig(folder, "remesh pear.obj" + rig + " --quads 500 -o q2.obj --map-out m.obj").exit_code == 0);
+  CHECK(read_text(folder / "q1.obj") == read_text(folder / "q2.obj"));
+  const std::string map = read_text(folder / "m.obj");
+  for (const char* part : {"\nvt ", "\nf 1/", "\ng cut\nl ", "\ng singular_quads_3\np "}) CHECK(has(map, part));
+  CHECK(run_quadrig(folder, "remesh pear.obj --quads 500 -o x.obj --map-out m.ply").exit_code == 2);
   Context context;
   const auto quads = read_obj(folder / "q1.obj", {}, context);
   const auto weights = read_dmat(folder / "w1.dmat", {});

@@ -576,12 +576,12 @@ Expected<FieldResult> design_field(const TriangleMesh<Scalar>& mesh, const Rig* 
                     ? detail::design_thesis_field(problem, options, std::move(report), context)
                     : detail::design_smooth_field(problem, options, std::move(report), context);
   if (!result) return result;
-  FieldReport& told = result->report;
-  told.seconds = clock.seconds();
+  FieldReport& made = result->report;
+  made.seconds = clock.seconds();
   if (context.on_log)
-    context.log("field of " + std::to_string(told.faces) + " triangles: " + std::to_string(told.singularities_plus) +
-                " and " + std::to_string(told.singularities_minus) + " singularities, " +
-                std::to_string(told.merge_rounds) + " rounds of merging, solved by " + told.solve.backend);
+    context.log("field of " + std::to_string(made.faces) + " triangles: " + std::to_string(made.singularities_plus) +
+                " and " + std::to_string(made.singularities_minus) + " singularities, " +
+                std::to_string(made.merge_rounds) + " rounds of merging, solved by " + made.solve.backend);
   return result;
 }
 

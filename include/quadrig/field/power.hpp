@@ -24,7 +24,7 @@ struct PowerFieldOptions {
   std::vector<FixedDirection> fixed{};       ///< faces whose direction is given: any one of the n
   std::vector<Complex> target_directions{};  ///< one a face or none: a direction to be near to; 0 for no target
   std::vector<double> target_weights{};      ///< one a face or none, ≥ 0; none: 1 where there is a direction
-  std::string solver{default_solver_name};
+  SolverChoice solver{};                     ///< of one's own: for meshes of doubles
 
   /// \fails bad_option, naming the field
   [[nodiscard]] Status validate(Index faces) const;

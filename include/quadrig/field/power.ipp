@@ -126,8 +126,7 @@ Expected<PowerFieldResult> design_power_field(const TriangleMesh<Scalar>& mesh, 
   std::vector<double> smoothness = dirichlet_weights(mesh);
   for (double& each : smoothness) each *= options.smoothing_length * options.smoothing_length;
 
-  auto solver =
-      BasicFieldSolver<Scalar>::create(mesh, connection, solver_factory<std::complex<Scalar>>(options.solver));
+  auto solver = BasicFieldSolver<Scalar>::create(mesh, connection, options.solver.factory<std::complex<Scalar>>());
   if (!solver) return solver.error();
   const std::array<BasicFieldSystem<Scalar>, 1> system{BasicFieldSystem<Scalar>{.power = options.n,
                                                                                 .smoothness = smoothness,

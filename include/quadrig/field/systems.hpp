@@ -107,7 +107,7 @@ class BasicFieldSolver {
   const Connection<Scalar>* connection_;
   SolverFactory<K> factory_;
   std::vector<Slot> slots_;
-  std::vector<Index> face_order_;  // in which the backend eliminated them, where it tells
+  std::vector<Index> face_order_;  // in which the backend eliminated them, if it provides that
   // The pattern of the last analysis, and a solver that holds it, unfactored.
   std::vector<Index> column_starts_, rows_;
   std::optional<AnySolver<K>> analyzed_;

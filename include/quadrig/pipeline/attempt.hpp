@@ -27,6 +27,7 @@ struct FoundQuads {
   std::vector<Index> parent;
   Index singularities = 0;
   FieldReport field;
+  std::optional<ComponentMap> map;  ///< where RemeshOptions::keep_maps asks for it
 };
 
 struct AttemptResult {

@@ -70,8 +70,9 @@ class AttemptRun {
     }
     if (context_.cancelled()) return cancelled_error("remesh");
     result_.backends.field = field->report.solve.backend;
+    const RepairOptions repair = repair_options(*field);
     FieldSurgery surgery(mesh_, std::move(*field), shared_.edge, real_solver_);
-    if (Status status = clean_up(surgery); !status.ok()) return status.error();
+    if (!surgery.repair(repair, context_).ok()) return cancelled_error("remesh");
     lap(result_.seconds.field);
 
     Budget share = budget.lend(Work::maps, std::max(left / 2, granted));
@@ -95,23 +96,18 @@ class AttemptRun {
 
   [[nodiscard]] FieldOptions field_options(const Connection<double>& connection) const;
 
-  /// Removes singularities that no quads can have, or that too few quads would share.
-  [[nodiscard]] Status clean_up(FieldSurgery& surgery) {
-    surgery.split_extremes(apart * shared_.edge, context_);
-    if (context_.cancelled()) return cancelled_error("remesh");
-    // Pairs farther apart shape the limbs: they are cancelled only where there are fewer than 20 quads a singularity.
-    constexpr double crowded = 2, quads_each = 20;
-    surgery.cancel_pairs(apart * shared_.edge, crowded * shared_.edge, shared_.quads / quads_each);
-    if (context_.cancelled()) return cancelled_error("remesh");
-    // No direction was requested: every pair that does not make the sizes vary less is cancelled.
+  [[nodiscard]] RepairOptions repair_options(const FieldResult& field) const {
+    RepairOptions repair;
+    repair.edge = shared_.edge;
+    repair.quads = shared_.quads;
+    // No direction was requested: pairs that do not make the sizes vary less are worth nothing.
     const DirectionOptions& asked = options_.directions;
     constexpr double near = 4, of_surface = 0.07;
-    if (surgery.field().report.preset == FieldPreset::flat && !asked.bones && !asked.curvature && !(asked.posed > 0) &&
+    if (field.report.preset == FieldPreset::flat && !asked.bones && !asked.curvature && !(asked.posed > 0) &&
         piece_.kept.empty() && !shared_.asset.asks_for_directions() &&
-        shared_.asset.sizing.density == DensitySource::uniform)
-      surgery.cancel_needless(std::min(near * shared_.edge, of_surface * std::sqrt(shared_.area)), context_);
-    if (context_.cancelled()) return cancelled_error("remesh");
-    return {};
+        shared_.asset.sizing.density == DensitySource::uniform && shared_.asset.sizing.own_density.empty())
+      repair.needless_reach = std::min(near * shared_.edge, of_surface * std::sqrt(shared_.area));
+    return repair;
   }
 
   /// The map, and where it fails again of the field with the pair of singularities next to the failure cancelled, or
@@ -163,8 +159,7 @@ class AttemptRun {
       constexpr std::size_t very_many = 300, many = 30;
       const bool hopeless = trouble.size() > very_many || (trouble.size() > many && trouble.size() >= troubled_before);
       troubled_before = trouble.size();
-      if (hopeless || last || !surgery.cancel_near(trouble)) return outcome;
-      surgery.split_extremes(apart * shared_.edge, context_);
+      if (hopeless || last || !surgery.repair_near(trouble, shared_.edge, context_)) return outcome;
     }
   }
 
@@ -212,6 +207,10 @@ class AttemptRun {
     result_.seconds += quads.seconds;
     if (!quads.untangling_backend.empty()) backends.untangling = quads.untangling_backend;
     if (!made) return made;
+    if (options_.keep_maps) {
+      map_ = ComponentMap{mesh_, std::move(made->z), map->index4, EdgeMarks(map->cut.branch.size(), 0)};
+      for (std::size_t h = 0; h < map_->cut.size(); ++h) map_->cut[h] = map->cut.branch[h] != no_index;
+    }
     on_the_way_ = map->report.tries;
     on_the_way_.insert(on_the_way_.end(), quads.reasons.begin(), quads.reasons.end());
     return made;
@@ -230,7 +229,8 @@ class AttemptRun {
                                surface_marks(),
                                piece_.source.empty() ? piece_.parent : shared_.original.parent,
                                field.singularities.plus + field.singularities.minus,
-                               field.report};
+                               field.report,
+                               std::move(map_)};
     if (least > fine_enough) return Outcome::good;
     leave("least scaled Jacobian " + std::to_string(least).substr(0, 4));
     return Outcome::poor;
@@ -244,8 +244,6 @@ class AttemptRun {
     return piece_.source.empty() || !attempt_.keeps_features ? piece_.kept : shared_.original.kept;
   }
 
-  static constexpr double apart = 0.75;  // edges of quads: singularities closer than this have no quads between them
-
   const AttemptShared& shared_;
   const RemeshOptions& options_;
   const Attempt& attempt_;
@@ -255,6 +253,7 @@ class AttemptRun {
   Context& context_;
   const SolverFactory<double> real_solver_ = options_.solver.factory<double>();
   AttemptResult result_;
+  std::optional<ComponentMap> map_;
   std::vector<std::string> on_the_way_;  // what the map that came out was preceded by
   Stopwatch watch_;
 };

@@ -35,6 +35,7 @@ struct ComponentResult {
   FieldReport field;
   StageBackends backends;
   std::vector<Warning> warnings;
+  std::optional<ComponentMap> map;
 };
 
 /// \param faces the component's faces in the asset's mesh, ascending

@@ -1,4 +1,4 @@
-// What quads must keep: creases, the caller's edges, and where one vertex group gives way to another.
+// Edges that quads must keep: creases, the caller's edges, and borders of vertex groups.
 #pragma once
 
 #include "quadrig/constraints/features.hpp"
@@ -42,7 +42,7 @@ namespace quadrig::detail {
   return any ? result : EdgeMarks{};
 }
 
-/// Takes the marks off what hangs together and is shorter than that in all.
+/// Unmarks connected sets of edges whose total length is below the limit.
 inline void drop_short(const TriangleMesh<double>& mesh, double least_length, EdgeMarks& marks) {
   std::vector<double> length(at(mesh.vertex_count()), -1);
   std::vector<Index> open;
@@ -55,7 +55,7 @@ inline void drop_short(const TriangleMesh<double>& mesh, double least_length, Ed
       Index h = mesh.outgoing(open[k]);
       const Index start = h;
       do {
-        // The edge that comes in at the end of a fan is met from its other end, if it is marked, as every edge is.
+        // The incoming edge at the end of a fan is visited from its other end.
         if (marks[at(h)]) {
           sum += mesh.edge_vector(h).norm() / 2;
           if (const Index w = mesh.target(h); length[at(w)] < 0) {
@@ -72,8 +72,8 @@ inline void drop_short(const TriangleMesh<double>& mesh, double least_length, Ed
     if (marks[at(h)] && length[at(mesh.origin(h))] < least_length) marks[at(h)] = 0;
 }
 
-/// Cuts the piece where another vertex group has the largest weight, and keeps what was cut, but for islands that are
-/// shorter around than `least_length`. \pre it has a rig
+/// Cuts the piece where the vertex group of largest weight changes and marks the cuts, except around islands whose
+/// border is shorter than `least_length`. \pre it has a rig
 inline void keep_group_borders(Piece& piece, double least_length) {
   const TriangleMesh<double>& mesh = piece.asset.mesh;
   const SkinWeights& weights = piece.asset.rig->weights;

@@ -27,6 +27,12 @@ struct SurfaceFacts {
   return std::max(static_cast<Index>(least), static_cast<Index>(std::min(few * quads, many_base + many * quads)));
 }
 
+/// More triangles than this are no better for a map of so many quads than a stand-in.
+[[nodiscard]] inline double enough_triangles(double quads) {
+  constexpr double plenty = 20'000, a_quad = 40, stand_ins = 2.5;
+  return std::max(plenty, std::min(a_quad * quads, stand_ins * proxy_faces(quads)));
+}
+
 /// One way to map a component.
 struct Attempt {
   double merge_quads;   ///< singularities closer than this many quads merge
@@ -72,9 +78,8 @@ struct Tried {
 /// features the first three keep them, then all go without.
 [[nodiscard]] inline std::vector<Attempt> ladder(const SurfaceFacts& facts) {
   std::vector<Attempt> attempts{{0.5, 1.5}, {1, 1.0}, {1, 0}, {2, 0.7}, {4, 0}};
-  constexpr double plenty = 20'000, a_quad = 40, stand_ins = 2.5;
-  const double enough = std::max(plenty, std::min(a_quad * facts.quads, stand_ins * proxy_faces(facts.quads)));
-  if (facts.tiny_edges || facts.faces > enough) attempts.insert(attempts.begin(), Attempt{0.5, 0});
+  if (facts.tiny_edges || facts.faces > enough_triangles(facts.quads))
+    attempts.insert(attempts.begin(), Attempt{0.5, 0});
   if (facts.has_features) {
     constexpr std::ptrdiff_t keeping = 3;
     std::vector<Attempt> first(attempts.begin(), attempts.begin() + keeping);

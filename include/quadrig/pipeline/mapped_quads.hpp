@@ -6,7 +6,7 @@
 
 namespace quadrig::detail {
 
-/// Quads of a greater least scaled Jacobian than this are good: no other way is tried.
+/// No alternative is tried above this least scaled Jacobian.
 inline constexpr double fine_enough = 0.3;
 /// Below this the coarse map is better than the fine one, and another field better than either.
 inline constexpr double sound = 0.05;
@@ -15,7 +15,8 @@ inline constexpr double sound = 0.05;
 struct MadeQuads {
   QuadMesh quads;
   Rung rung = Rung::fine_map;
-  double least = -1;  ///< scaled Jacobian
+  double least = -1;       ///< scaled Jacobian
+  std::vector<Complex> z;  ///< of the map that they are of, where RemeshOptions::keep_maps asks for it
 };
 
 /// Where quads go: the triangles of the map, or the surface that these stand for.
@@ -49,7 +50,7 @@ class MapQuads {
   [[nodiscard]] Expected<MadeQuads> fine_quads(const CoarseMap& coarse, const CoarseQuads& found);
   [[nodiscard]] Expected<MadeQuads> coarse_quads(const CoarseMap& coarse, const CoarseQuads& found);
   [[nodiscard]] Status vary(IntegerSearch& search, double count, MadeQuads& made);
-  [[nodiscard]] Expected<MadeQuads> on_surface(ExtractedQuads extracted, Rung rung);
+  [[nodiscard]] Expected<MadeQuads> on_surface(ExtractedQuads extracted, Rung rung, std::vector<Complex> z);
   void polish_once(MadeQuads& made);
   void lap(double& into) {
     into += watch_.seconds();

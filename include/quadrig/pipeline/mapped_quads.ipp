@@ -82,13 +82,17 @@ QUADRIG_INLINE Expected<MadeQuads> MapQuads::fine_quads(const CoarseMap& coarse,
   if (!fine->grid) return map_error(fine->defect);
   Expected<ExtractedQuads> extracted = extract_fine(mesh_, *fine->grid, found.integers.quads, context_);
   if (!extracted) return extracted.error();
-  return on_surface(std::move(*extracted), Rung::fine_map);
+  std::vector<Complex> z;
+  if (options_.keep_maps)
+    for (const Gaussian& p : fine->grid->corner) z.push_back(to_field(p) / static_cast<double>(fine->grid->unit));
+  return on_surface(std::move(*extracted), Rung::fine_map, std::move(z));
 }
 
 QUADRIG_INLINE Expected<MadeQuads> MapQuads::coarse_quads(const CoarseMap& coarse, const CoarseQuads& found) {
   Expected<ExtractedQuads> extracted = extract_coarse(mesh_, map_, coarse, found.quads, context_);
   if (!extracted) return extracted.error();
-  Expected<MadeQuads> made = on_surface(std::move(*extracted), Rung::coarse_map);
+  Expected<MadeQuads> made =
+      on_surface(std::move(*extracted), Rung::coarse_map, options_.keep_maps ? map_.z : std::vector<Complex>{});
   if (!made) return made;
   // Straight lines leave more to be done than a fine map does.
   constexpr int polishes = 3;
@@ -96,12 +100,12 @@ QUADRIG_INLINE Expected<MadeQuads> MapQuads::coarse_quads(const CoarseMap& coars
   return made;
 }
 
-QUADRIG_INLINE Expected<MadeQuads> MapQuads::on_surface(ExtractedQuads extracted, Rung rung) {
+QUADRIG_INLINE Expected<MadeQuads> MapQuads::on_surface(ExtractedQuads extracted, Rung rung, std::vector<Complex> z) {
   for (std::size_t v = 0; v < extracted.vertices.size(); ++v) {
     if (v % 1024 == 0 && context_.cancelled()) return cancelled_error("extraction");
     extracted.vertices[v] = surface_.onto(extracted.vertices[v]);
   }
-  MadeQuads made{quad_mesh(surface_.mesh, std::move(extracted)), rung, -1};
+  MadeQuads made{quad_mesh(surface_.mesh, std::move(extracted)), rung, -1, std::move(z)};
   lap(seconds.extraction);
   polish_once(made);
   return made;

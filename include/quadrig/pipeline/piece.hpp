@@ -18,7 +18,7 @@ struct Piece {
   EdgeMarks kept;
 };
 
-/// Of no use once cancelled.
+/// Incomplete once cancelled.
 inline Piece make_piece(const Asset& asset, std::span<const Index> faces, const Context& context = {}) {
   Piece piece;
   std::vector<Index> number(at(asset.mesh.vertex_count()), no_index), vertices;

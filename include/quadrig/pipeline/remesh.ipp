@@ -40,6 +40,12 @@ inline SizingOptions preset_sizing(FieldPreset preset, bool rigged) {
   return sizing;
 }
 
+/// The poses that sizes and the fit are made for: those of the options, else every bone bent.
+inline std::vector<Pose> poses_in_force(const Asset& asset, const RemeshOptions& options) {
+  if (!options.poses.empty() || !asset.rig) return options.poses;
+  return bend_poses(asset.rig->skeleton, options.bend_degrees);
+}
+
 /// Of an error, by face: joint_weight where weights blend, 1 where one bone rules.
 inline std::vector<double> joint_weights(std::span<const double> omega1, double joint_weight) {
   std::vector<double> weights;
@@ -47,7 +53,7 @@ inline std::vector<double> joint_weights(std::span<const double> omega1, double 
   return weights;
 }
 
-/// That of the bone which rules a face all but alone; zero on the others.
+/// The direction of the bone that alone moves a face; zero where bones blend.
 inline std::vector<Vector3> ruling_directions(const Dominance& dominance, const Skeleton& skeleton) {
   constexpr double alone = 0.9;
   std::vector<Vector3> directions(at(dominance.face_count()), Vector3::Zero());
@@ -59,15 +65,15 @@ inline std::vector<Vector3> ruling_directions(const Dominance& dominance, const 
   return directions;
 }
 
-/// What no field of RemeshOptions alone can tell to be wrong.
+/// Checks of the options against the asset, which RemeshOptions::validate cannot make.
 inline Status check_request(const Asset& asset, const RemeshOptions& options) {
   if (Status status = options.validate(); !status.ok()) return status;
-  // A solver that cannot be had is an error, no reason for another rung.
+  // A missing solver is an error of the request, not a reason to try another rung.
   if (const auto solver = options.solver.factory<Complex>()(); !solver) return solver.error();
   if (const auto solver = options.solver.factory<double>()(); !solver) return solver.error();
   const TriangleMesh<double>& mesh = asset.mesh;
   if (mesh.face_count() == 0) return Error{ErrorCode::bad_input, "the mesh has no faces", "mesh", "give a surface"};
-  // A map of so many quads takes as long as that of a surface so fine, and such triangles have no more to say.
+  // More quads than this cost as much as a finer input and add no detail.
   if (const std::int64_t most = std::max<std::int64_t>(100'000, 100 * std::int64_t{mesh.face_count()});
       options.quads > most)
     return Error{
@@ -76,8 +82,23 @@ inline Status check_request(const Asset& asset, const RemeshOptions& options) {
         "quads", "give at most " + std::to_string(most) + " and subdivide the quads"};
   for (const Index h : options.features)
     if (h < 0 || h >= mesh.halfedge_count())
-      return Error{ErrorCode::bad_option, "half-edge " + std::to_string(h) + " is none of the mesh", "features",
+      return Error{ErrorCode::bad_option, "half-edge " + std::to_string(h) + " does not exist", "features",
                    "give half-edges in [0, " + std::to_string(mesh.halfedge_count()) + ")"};
+  for (const FaceDirection& each : options.directions.own)
+    if (each.face < 0 || each.face >= mesh.face_count() || !(each.weight >= 0) || !each.direction.allFinite())
+      return Error{ErrorCode::bad_option,
+                   "face " + std::to_string(each.face) + " is not on the mesh, or its direction or weight no number",
+                   "directions.own",
+                   "give faces in [0, " + std::to_string(mesh.face_count()) + ") and weights of 0 or more"};
+  if (options.sizing)
+    if (const std::size_t n = options.sizing->own_density.size();
+        n > 0 && n != at(mesh.face_count()) && n != at(mesh.vertex_count()))
+      return Error{ErrorCode::bad_option, std::to_string(n) + " values", "sizing.own_density",
+                   "give one a vertex, " + std::to_string(mesh.vertex_count()) + ", or one a face, " +
+                       std::to_string(mesh.face_count())};
+  if (options.preset == FieldPreset::thesis && (!options.directions.own.empty() || options.directions.terms))
+    return Error{ErrorCode::bad_option, "the thesis preset takes no directions of the caller's", "preset",
+                 "use default"};
   if (options.group_borders && !asset.rig)
     return Error{ErrorCode::bad_option, "vertex groups are the columns of skin weights", "group_borders", "give a rig"};
   if (options.preset == FieldPreset::thesis && !asset.rig)
@@ -85,7 +106,9 @@ inline Status check_request(const Asset& asset, const RemeshOptions& options) {
   return {};
 }
 
-/// The whole asset: sizes, each component by itself, and what becomes of all of them together.
+inline constexpr double parts_done = 0.95;  // of the job: what follows is the fit
+
+/// The whole asset before the fit: sizes, each component by itself, and their quads together.
 class Remesher {
  public:
   Remesher(const Asset& asset, const RemeshOptions& options, Context& context)
@@ -95,42 +118,26 @@ class Remesher {
         sizing_(options.sizing.value_or(preset_sizing(options.preset, asset.rig.has_value()))),
         context_(context) {}
 
-  [[nodiscard]] Expected<RemeshResult> run() {
+  [[nodiscard]] Expected<UnfittedQuads> run() {
     const Stopwatch total;
     const ProgressPart whole(context_, 0, 1);
     if (context_.cancelled()) return cancelled_error("remesh");
-    const Connection<double> connection(mesh_, &context_);
+    quads_.connection = std::make_shared<const Connection<double>>(mesh_, &context_);
+    const Connection<double>& connection = *quads_.connection;
     if (context_.cancelled()) return cancelled_error("remesh");
     context_.progress("metric", 0);
     if (Status status = measure(connection); !status.ok()) return status.error();
     if (Status status = remesh_parts(connection); !status.ok()) return status.error();
     if (Status status = gather(); !status.ok()) return status.error();
-    context_.progress("fit", parts_done);
-    if (Status status = finish(); !status.ok()) return status.error();
-    RemeshReport& report = result_.report;
-    tell();
-    const std::string defect = unlike(quad_topology(result_.mesh.quads, report.vertices), SurfaceTopology(mesh_));
-    report.valid = defect.empty() && report.scaled_jacobian_minimum > 0;
-    for (const Warning& warning : report.warnings) context_.warnings.push_back(warning);
-    report.seconds.total = total.seconds();
-    if (!report.valid)
-      return Error{ErrorCode::stage_failed, defect.empty() ? "a quad stays inverted" : defect, "check of the result",
-                   "ask for another count or the static preset"};
-    context_.progress("done", 1);
-    return std::move(result_);
+    quads_.report.seconds.total = total.seconds();
+    return std::move(quads_);
   }
 
  private:
   using Part = std::optional<Expected<ComponentResult>>;
-  static constexpr double measured = 0.1, parts_done = 0.95;  // of the job
+  static constexpr double measured = 0.1;  // of the job
 
-  /// Those of the options, else every bone bent.
-  [[nodiscard]] std::span<const Pose> poses() {
-    if (!options_.poses.empty()) return options_.poses;
-    if (bends_.empty() && asset_.rig) bends_ = bend_poses(asset_.rig->skeleton, options_.bend_degrees);
-    return bends_;
-  }
-  [[nodiscard]] bool sized() const { return sizing_.density != DensitySource::field; }
+  [[nodiscard]] bool sized() const { return sizing_.density != DensitySource::field || !sizing_.own_density.empty(); }
 
   [[nodiscard]] OwnDirections own_directions() const {
     OwnDirections own;
@@ -142,6 +149,35 @@ class Remesher {
       own.weight[at(each.face)] = each.weight;
     }
     return own;
+  }
+
+  /// A face; empty where the field's own magnitudes count.
+  [[nodiscard]] std::vector<double> wanted_density(std::span<const double> omega1) const {
+    const std::size_t m = at(mesh_.face_count());
+    const std::vector<double>& own = sizing_.own_density;
+    if (own.size() == m) return own;
+    std::vector<double> density;
+    if (!own.empty()) {  // a vertex: the mean of the corners
+      density.assign(m, 0.0);
+      for (Index h = 0; h < mesh_.halfedge_count(); ++h)
+        density[at(TriangleMesh<double>::face_of(h))] += own[at(mesh_.origin(h))] / 3;
+      return density;
+    }
+    switch (sizing_.density) {
+      case DensitySource::uniform:
+        density.assign(m, 1.0);
+        break;
+      case DensitySource::blend:
+        for (std::size_t f = 0; f < m; ++f) density.push_back(omega1.empty() ? 1.0 : 1 + 3 * (1 - omega1[f]));
+        break;
+      case DensitySource::rest:
+      case DensitySource::posed:
+        density = metric_->density;
+        break;
+      case DensitySource::field:
+        break;
+    }
+    return density;
   }
 
   /// Sizes and posed directions, once for the whole asset.
@@ -156,35 +192,20 @@ class Remesher {
         omega1.push_back(dominance->omega(f, 1));
       }
       if (options_.preset != FieldPreset::flat) {
-        slide_targets_.weight = joint_weights(omega1, sizing_.joint_weight);
+        quads_.targets.weight = joint_weights(omega1, sizing_.joint_weight);
         if (options_.directions.bones.value_or(1) > 0)
-          slide_targets_.direction = ruling_directions(*dominance, asset_.rig->skeleton);
+          quads_.targets.direction = ruling_directions(*dominance, asset_.rig->skeleton);
       }
     }
     if (context_.cancelled()) return cancelled_error("remesh");
     if (Status status = measure_curvature(connection, omega1); !status.ok()) return status;
     sizes_.largest_aspect = sizing_.largest_aspect;
-    switch (sizing_.density) {
-      case DensitySource::uniform:
-        sizes_.density.assign(at(mesh_.face_count()), 1.0);
-        break;
-      case DensitySource::blend:
-        sizes_.density.resize(at(mesh_.face_count()));
-        for (std::size_t f = 0; f < sizes_.density.size(); ++f)
-          sizes_.density[f] = omega1.empty() ? 1.0 : 1 + 3 * (1 - omega1[f]);
-        break;
-      case DensitySource::rest:
-      case DensitySource::posed:
-        sizes_.density = metric_->density;
-        break;
-      case DensitySource::field:
-        break;
-    }
+    sizes_.density = wanted_density(omega1);
     if (context_.cancelled()) return cancelled_error("remesh");
-    if (sized() && sizing_.density != DensitySource::uniform)
+    if (sized() && (sizing_.density != DensitySource::uniform || !sizing_.own_density.empty()))
       sizes_.density = graded_density(mesh_, sizes_.density, options_.quads, sizing_.gradation, context_);
     if (context_.cancelled()) return cancelled_error("remesh");
-    result_.report.seconds.metric = watch.seconds();
+    quads_.report.seconds.metric = watch.seconds();
     return {};
   }
 
@@ -193,13 +214,14 @@ class Remesher {
     const bool posed = sizing_.density == DensitySource::posed || options_.directions.posed > 0;
     if (!posed && sizing_.density != DensitySource::rest) return {};
     if (posed && asset_.rig) {
+      const std::vector<Pose> poses = poses_in_force(asset_, options_);
       PosedForms::Options form_options;
       form_options.pose_weights = options_.poses.empty() ? std::vector<double>{} : options_.pose_weights;
       Expected<PosedForms> forms =
-          PosedForms::create(mesh_, connection, asset_.rig->weights, poses(), form_options, context_);
+          PosedForms::create(mesh_, connection, asset_.rig->weights, poses, form_options, context_);
       if (!forms) return forms.error();
       sizes_.forms = std::move(*forms);
-      if (options_.fit.method == FitMethod::slide) slide_targets_.set_bending(connection, sizes_.forms, context_);
+      if (options_.fit.method == FitMethod::slide) quads_.targets.set_bending(connection, sizes_.forms, context_);
     } else {
       sizes_.forms = PosedForms::at_rest(mesh_, connection);
     }
@@ -289,25 +311,22 @@ class Remesher {
   /// One mesh of all parts, in the order of the components.
   [[nodiscard]] Status gather() {
     const Stopwatch watch;
-    RemeshReport& report = result_.report;
+    RemeshReport& report = quads_.report;
     for (const Part& part : parts_) {
       report.vertices += (*part)->mesh.vertex_count();
       report.quads += (*part)->mesh.quad_count();
     }
-    QuadMesh& out = result_.mesh;
+    QuadMesh& out = quads_.mesh;
     out.positions.resize(report.vertices, 3);
     out.quads.resize(report.quads, 4);
-    beside_.assign(at(report.vertices), 0);
-    held_.assign(at(report.vertices), 0);
+    quads_.held.assign(at(report.vertices), 0);
+    quads_.on_features.assign(at(report.vertices), 0);
     Index first_vertex = 0, first_quad = 0, largest = -1;
     for (Part& slot : parts_) {
       if (context_.cancelled()) return cancelled_error("remesh");
       ComponentResult& part = **slot;
       const Index n = part.mesh.vertex_count(), m = part.mesh.quad_count();
-      if (part.report.rung == Rung::split) std::fill_n(beside_.begin() + first_vertex, n, char{1});
-      std::copy(part.held.begin(), part.held.end(), held_.begin() + first_vertex);
-      kept_length_ += part.report.kept_length;
-      kept_as_quads_ += part.report.kept_as_quads;
+      std::copy(part.held.begin(), part.held.end(), quads_.on_features.begin() + first_vertex);
       out.positions.middleRows(first_vertex, n) = part.mesh.positions;
       out.quads.middleRows(first_quad, m) = part.mesh.quads.array() + first_vertex;
       out.source.insert(out.source.end(), part.mesh.source.begin(), part.mesh.source.end());
@@ -320,6 +339,11 @@ class Remesher {
         largest = part.report.faces;
         report.field = part.field;
         report.backends = part.backends;
+      }
+      if (part.map) {
+        part.map->rung = part.report.rung;
+        part.map->component = static_cast<Index>(report.components.size());
+        quads_.maps.push_back(std::move(*part.map));
       }
       log(report.components.size(), part.report);
       report.components.push_back(std::move(part.report));
@@ -337,50 +361,88 @@ class Remesher {
     context_.log(line);
   }
 
+  const Asset& asset_;
+  const TriangleMesh<double>& mesh_;
+  const RemeshOptions& options_;
+  const SizingOptions sizing_;
+  Context& context_;
+  SizeField sizes_;
+  std::optional<PosedMetric> metric_;
+  std::vector<std::vector<Index>> faces_;  // of each component
+  std::vector<Part> parts_;
+  UnfittedQuads quads_;
+};
+
+/// From the quads of all components to the result: the fit, the weights, the report, and the check of it all.
+class Finisher {
+ public:
+  Finisher(const Asset& asset, const RemeshOptions& options, UnfittedQuads quads, Context& context)
+      : asset_(asset), mesh_(asset.mesh), options_(options), quads_(std::move(quads)), context_(context) {}
+
+  [[nodiscard]] Expected<RemeshResult> run() {
+    const Stopwatch total;
+    const ProgressPart whole(context_, 0, 1);
+    context_.progress("fit", parts_done);
+    if (Status status = finish(); !status.ok()) return status.error();
+    RemeshReport& report = quads_.report;
+    sum_up(report);
+    for (const Warning& warning : report.warnings) context_.warnings.push_back(warning);
+    report.seconds.total += total.seconds();
+    if (std::string defect = unlike(quad_topology(quads_.mesh.quads, report.vertices), SurfaceTopology(mesh_));
+        !defect.empty() || !(report.scaled_jacobian_minimum > 0))
+      return Error{ErrorCode::stage_failed, defect.empty() ? "a quad stays inverted" : defect, "check of the result",
+                   "ask for another count or the static preset"};
+    context_.progress("done", 1);
+    return RemeshResult{std::move(quads_.mesh), std::move(weights_), std::move(morphs_), std::move(report), std::move(quads_.maps)};
+  }
+
+ private:
   /// The fit, and weights of the vertices where they came to lie.
   [[nodiscard]] Status finish() {
-    Stopwatch watch;
-    QuadMesh& out = result_.mesh;
-    if (options_.before_fit) {
-      const std::vector<char> placed = options_.before_fit(mesh_, held_, out);
-      for (std::size_t v = 0; v < placed.size(); ++v) held_[v] = held_[v] || placed[v];
-    }
-    if (options_.fit.method == FitMethod::slide) {
-      std::vector<char> placed = held_;
-      for (std::size_t v = 0; v < placed.size(); ++v) placed[v] = placed[v] || beside_[v];
-      (void)slide(mesh_, slide_targets_, std::move(placed), options_.fit.slide, out, context_);
-    }
+    const Stopwatch watch;
+    std::vector<char> held = std::move(quads_.held);
+    for (std::size_t v = 0; v < held.size(); ++v) held[v] = held[v] || quads_.on_features[v];
+    if (options_.fit.method == FitMethod::slide) (void)slide(mesh_, quads_.targets, beside_surface_held(held), options_.fit.slide, quads_.mesh, context_);
     if (context_.cancelled()) return cancelled_error("fit");
     FitMotion motion;
+    const std::vector<Pose> poses = poses_in_force(asset_, options_);
     if (asset_.rig) {
       motion.weights = &asset_.rig->weights;
-      motion.poses = poses();
+      motion.poses = poses;
       if (!options_.poses.empty()) motion.pose_weights = options_.pose_weights;
       motion.influences = options_.influences;
     }
     motion.morphs = options_.morphs;
-    Expected<FittedQuads> fitted =
-        fit(mesh_, std::move(out), motion, std::move(held_), options_.fit, context_, options_.solver.factory<double>());
+    Expected<FittedQuads> fitted = fit(mesh_, std::move(quads_.mesh), motion, std::move(held), options_.fit, context_,
+                                       options_.solver.factory<double>());
     if (!fitted) return fitted.error();
-    out = std::move(fitted->mesh);
-    result_.weights = std::move(fitted->weights);
-    result_.morphs = std::move(fitted->morphs);
-    result_.report.fit = fitted->report;
-    result_.report.seconds.fit += watch.seconds();
+    quads_.mesh = std::move(fitted->mesh);
+    weights_ = std::move(fitted->weights);
+    morphs_ = std::move(fitted->morphs);
+    quads_.report.fit = fitted->report;
+    quads_.report.seconds.fit += watch.seconds();
     return {};
   }
 
+  /// Vertices that lie beside the surface, as some of split parts do, cannot slide along it: they are held too.
+  [[nodiscard]] std::vector<char> beside_surface_held(std::vector<char> held) const {
+    const double near = 1e-9 * mesh_.diagonal();
+    for (Index v = 0; v < quads_.mesh.vertex_count(); ++v)
+      if ((position(mesh_, quads_.mesh.source[at(v)]) - quads_.mesh.positions.row(v).transpose()).norm() > near)
+        held[at(v)] = 1;
+    return held;
+  }
+
   /// Figures and warnings of the report.
-  void tell() {
-    RemeshReport& report = result_.report;
+  void sum_up(RemeshReport& report) const {
     double sum = 0;
     Index turned = 0;
     report.scaled_jacobian_minimum = 1;
     for (Index q = 0; q < report.quads; ++q) {
-      const double j = scaled_jacobian(result_.mesh.positions, result_.mesh.quads.row(q));
+      const double j = scaled_jacobian(quads_.mesh.positions, quads_.mesh.quads.row(q));
       sum += j;
       report.scaled_jacobian_minimum = std::min(report.scaled_jacobian_minimum, j);
-      turned += turned_over(mesh_, result_.mesh, q);
+      turned += turned_over(mesh_, quads_.mesh, q);
     }
     report.scaled_jacobian_average = report.quads > 0 ? sum / report.quads : 0;
     if (report.quads > options_.quads * (1 + options_.count_tolerance)) report.minimum_count = report.quads;
@@ -391,41 +453,48 @@ class Remesher {
     if (turned > 0)
       report.warnings.push_back({"remesh", std::to_string(turned) + (turned == 1 ? " quad is" : " quads are") +
                                                " folded over on the surface; another count may help"});
+    double kept_length = 0, kept_as_quads = 0;
     for (std::size_t c = 0; c < report.components.size(); ++c) {
       const ComponentReport& part = report.components[c];
+      kept_length += part.kept_length;
+      kept_as_quads += part.kept_as_quads;
       if (part.rung == Rung::split)
         report.warnings.push_back(
             {"remesh", "component " + std::to_string(c) + ": no valid map, split from triangles (" +
                            (part.reasons.empty() ? std::string("no attempt") : part.reasons.back()) + ")"});
     }
-    if (kept_as_quads_ < 0.99 * kept_length_)
+    if (kept_as_quads < 0.99 * kept_length)
       report.warnings.push_back(
-          {"remesh", std::to_string(static_cast<int>(100 * (1 - kept_as_quads_ / kept_length_) + 0.5)) +
+          {"remesh", std::to_string(static_cast<int>(100 * (1 - kept_as_quads / kept_length) + 0.5)) +
                          " % of the length of creases and features are no edges of quads; more quads may help"});
   }
 
   const Asset& asset_;
   const TriangleMesh<double>& mesh_;
   const RemeshOptions& options_;
-  const SizingOptions sizing_;
+  UnfittedQuads quads_;
   Context& context_;
-  SizeField sizes_;
-  std::optional<PosedMetric> metric_;
-  SlideTargets slide_targets_;
-  std::vector<Pose> bends_;  // the poses, where none are given
-  std::vector<std::vector<Index>> faces_;  // of each component
-  std::vector<Part> parts_;
-  std::vector<char> beside_;  // vertices of parts that have some beside the surface
-  std::vector<char> held_;    // vertices on kept edges
-  double kept_length_ = 0, kept_as_quads_ = 0;
-  RemeshResult result_;
+  std::optional<SkinWeights> weights_;
+  std::vector<Points<double>> morphs_;
 };
 
 }  // namespace detail
 
-QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOptions& options, Context& context) {
+QUADRIG_INLINE Expected<UnfittedQuads> remesh_unfitted(const Asset& asset, const RemeshOptions& options,
+                                                       Context& context) {
   if (Status status = detail::check_request(asset, options); !status.ok()) return status.error();
   return detail::Remesher(asset, options, context).run();
+}
+
+QUADRIG_INLINE Expected<RemeshResult> fit_and_skin(const Asset& asset, const RemeshOptions& options,
+                                                   UnfittedQuads quads, Context& context) {
+  return detail::Finisher(asset, options, std::move(quads), context).run();
+}
+
+QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOptions& options, Context& context) {
+  Expected<UnfittedQuads> quads = remesh_unfitted(asset, options, context);
+  if (!quads) return quads.error();
+  return fit_and_skin(asset, options, std::move(*quads), context);
 }
 
 }  // namespace quadrig

@@ -13,8 +13,8 @@ namespace quadrig::detail {
 /// Fewer close no surface: a box.
 inline constexpr double least_quads = 6;
 
-/// Quads due to each component in proportion to `share`. The smallest need more than is due to them: the others make
-/// up for it, for up to half of their own. \pre shares are positive
+/// Quads due to each component in proportion to `share`. The smallest components get more than their share; the others
+/// give up to half of theirs for it. \pre shares are positive
 [[nodiscard]] inline std::vector<double> quads_due(const std::vector<double>& share, double quads) {
   std::vector<double> due(share.size());
   double left = quads, rest = 0;
@@ -35,9 +35,9 @@ inline constexpr double least_quads = 6;
   return due;
 }
 
-/// Whole rows miss a small count by much. Where many small components miss theirs to the same side, some are to miss
-/// it to the other: those that are off the most and how many quads to ask them for, enough to bring `missed`, the
-/// quads that there are too many of in all, within `tolerated`.
+/// Small components can only change by whole strips, so their counts are coarse. If many err in the same direction,
+/// some are requested again with a count that errs the other way: those that are off the most, enough of them to bring
+/// `missed`, the surplus over all components, within `tolerated`.
 [[nodiscard]] inline std::vector<std::pair<std::size_t, double>> asked_again(const std::vector<double>& due,
                                                                              const std::vector<Index>& got,
                                                                              double missed, double tolerated) {

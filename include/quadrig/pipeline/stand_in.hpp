@@ -1,5 +1,4 @@
-// A triangulation that stands in for a surface where its own triangles cannot carry a map, or are far more than a map
-// needs.
+// A coarser, even triangulation of a surface, for surfaces whose own triangles are too thin or far too many for a map.
 #pragma once
 
 #include <memory>

@@ -17,7 +17,7 @@ struct IntegerSolution {
 };
 
 /// \fails stage_failed where the integers contradict the seamless constraints, or leave one undetermined: an error of
-///   this library, told rather than hidden.
+///   this library that is reported, not hidden.
 template <class K>
 [[nodiscard]] Expected<IntegerSolution<K>> substitute_integers(const CutGraph& cut, const MapUnknowns<K>& unknowns,
                                                                const CoarseMap& map, const Quantization& integers) {

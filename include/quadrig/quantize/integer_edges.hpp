@@ -42,7 +42,8 @@ class IntegerEdges {
         total += relative(h) * std::norm(to_field(omega_[at(h)]) - wanted_[at(h)]);
     return total;
   }
-  /// Dirichlet energy of the change over all triangles, what turns edges counted more. No matter of the size of quads.
+  /// Dirichlet energy of the change over all triangles, with shear weighted `turning` times stretch. Independent of
+  /// quad size.
   [[nodiscard]] double distortion() const {
     double total = 0;
     for (Index f = 0; f < map_.face_count(); ++f) {
@@ -72,7 +73,7 @@ class IntegerEdges {
   [[nodiscard]] const std::vector<Gaussian>& edges() const { return omega_; }
 
  protected:
-  static constexpr double turning = 4;  // what turns edges against what stretches them
+  static constexpr double turning = 4;  // weight of shear against stretch
 
   [[nodiscard]] static Gaussian axis(int a) { return rotated(Gaussian{1, 0}, a); }
   [[nodiscard]] static Index next(Index h) { return h % 3 == 2 ? h - 2 : h + 1; }

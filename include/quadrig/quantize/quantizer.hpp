@@ -37,7 +37,7 @@ class Quantizer : public IntegerEdges {
     return true;
   }
 
-  /// Moves until no triangle is inverted, or none helps, or that takes too long.
+  /// Moves until no triangle is inverted, no move helps, or the work limit is reached.
   bool repair(const Context& context) {
     const std::int64_t enough = work_ + 2'000'000;
     for (int pass = 0; pass < 50; ++pass) {
@@ -160,7 +160,7 @@ class Quantizer : public IntegerEdges {
 
   /// Nodes searched so far.
   [[nodiscard]] std::int64_t work() const { return work_; }
-  /// Nodes searched, and what else takes about as long as one.
+  /// Search nodes plus equivalent bookkeeping work.
   [[nodiscard]] std::int64_t effort() const { return work_ + beside_; }
   /// From now on up to this effort.
   void allow(std::int64_t most) { most_ = most; }

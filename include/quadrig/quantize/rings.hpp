@@ -22,7 +22,7 @@ struct Ring {
 
 /// Follows the two lines through the middle of every face. \param quad the length of a quad in the map
 /// \return those that come back in the same direction less than `most_pitch` quads beside where they began, one a class
-///   where that can be told. \cost O(faces · crossings)
+///   where that can be decided. \cost O(faces · crossings)
 [[nodiscard]] inline std::vector<Ring> near_rings(const CoarseMap& map, double quad, double most_pitch) {
   constexpr double shortest = 2.5, longest = 120;  // quads
   constexpr int most_crossings = 400;

@@ -85,6 +85,67 @@ struct PoissonReport {
 
 namespace detail {
 
+/// Cotangents of the target triangles, bounded so that needles do not drown the rest.
+[[nodiscard]] inline std::vector<double> bounded_cotangents(const TargetEdges& target) {
+  std::vector<double> cotangent(target.size());
+  for (std::size_t h = 0; h + 2 < target.size(); h += 3) {
+    const double area = cross(target[h], target[h + 1]);
+    const double longest = std::max({std::norm(target[h]), std::norm(target[h + 1]), std::norm(target[h + 2])});
+    for (std::size_t i = 0; i < 3; ++i) {
+      const Complex p = target[h + (i + 1) % 3], q = target[h + (i + 2) % 3];
+      cotangent[h + i] = -(std::conj(p) * q).real() / std::max(area, 1e-4 * longest);
+    }
+  }
+  return cotangent;
+}
+
+/// How far a map is from its target, by face.
+struct Distortion {
+  std::vector<double> delta;  ///< |s1 − 1| + |s2 − 1| of the signed singular values
+  std::vector<char> thin;     ///< flipped or nearly so
+  double mean = 0;            ///< of delta over the area of the target
+};
+[[nodiscard]] inline Distortion distortion_of(const TargetEdges& target, const std::vector<Complex>& z) {
+  constexpr double nearly = 0.1;  // of the wanted area
+  const std::size_t m = target.size() / 3;
+  Distortion result{std::vector<double>(m, 0.0), std::vector<char>(m, 0), 0};
+  double total = 0, sum = 0;
+  for (std::size_t f = 0; f < m; ++f) {
+    const std::size_t h = 3 * f;
+    const Complex a = target[h], b = target[h + 1], p = z[h + 1] - z[h], q = z[h + 2] - z[h + 1];
+    const double det = cross(a, b);
+    if (!(det > 0)) continue;
+    // J = α id + β conj: singular values |α| ± |β|.
+    const Complex alpha = (p * std::conj(b) - q * std::conj(a)) / (a * std::conj(b) - std::conj(a) * b);
+    const Complex beta = (q * a - p * b) / (a * std::conj(b) - std::conj(a) * b);
+    const double s1 = std::abs(alpha) + std::abs(beta), s2 = std::abs(alpha) - std::abs(beta);
+    result.delta[f] = std::abs(s1 - 1) + std::abs(s2 - 1);
+    result.thin[f] = s1 * s2 < nearly;
+    total += det;
+    sum += det * result.delta[f];
+  }
+  result.mean = total > 0 ? sum / total : 0;
+  return result;
+}
+
+/// Raises the weight of faces that distort more or less than their neighbours. Adding alone is too slow for the last
+/// few flips: what is (nearly) flipped doubles.
+inline void stiffen(const TriangleMesh<double>& mesh, const Distortion& distortion, std::vector<double>& weight) {
+  constexpr double most = 5;
+  for (Index f = 0; f < mesh.face_count(); ++f) {
+    double sum = 0;
+    int count = 0;
+    for (Index h = 3 * f; h < 3 * f + 3; ++h)
+      if (mesh.twin(h) != no_index) {
+        sum += distortion.delta[at(mesh.twin(h) / 3)];
+        ++count;
+      }
+    if (count > 0)
+      weight[at(f)] = (distortion.thin[at(f)] ? 2.0 : 1.0) * weight[at(f)] +
+                      std::min(std::abs(sum / count - distortion.delta[at(f)]), most);
+  }
+}
+
 /// The target with its lengths moved towards those of the map, each parameter by itself, by 1 − `stretching`.
 inline void give_way(const TargetEdges& target, const std::vector<Complex>& z, double stretching, TargetEdges& wanted) {
   for (std::size_t h = 0; h + 2 < target.size(); h += 3) {
@@ -124,17 +185,7 @@ template <class K>
   using detail::at;
   const Index m = mesh.face_count();
   if (context.cancelled()) return cancelled_error("seamless map");
-  // Cotangents of the target triangles, bounded so that needles do not drown the rest.
-  std::vector<double> cotangent(at(3 * m));
-  for (Index f = 0; f < m; ++f) {
-    const double area = cross(target[at(3 * f)], target[at(3 * f + 1)]);
-    const double longest =
-        std::max({std::norm(target[at(3 * f)]), std::norm(target[at(3 * f + 1)]), std::norm(target[at(3 * f + 2)])});
-    for (int i = 0; i < 3; ++i) {
-      const Complex p = target[at(3 * f + (i + 1) % 3)], q = target[at(3 * f + (i + 2) % 3)];
-      cotangent[at(3 * f + i)] = -(std::conj(p) * q).real() / std::max(area, 1e-4 * longest);
-    }
-  }
+  const std::vector<double> cotangent = detail::bounded_cotangents(target);
   QuadraticForm<K> form(unknowns.count());
   if (!held.held.empty())
     for (Index k = 0; k < unknowns.count(); ++k)
@@ -143,7 +194,7 @@ template <class K>
   if (!solver) return solver.error();
 
   if (context.cancelled()) return cancelled_error("seamless map");
-  std::vector<double> weight(at(m), 1.0), delta(at(m));
+  std::vector<double> weight(at(m), 1.0);
   TargetEdges wanted = target;  // with lengths that gave way
   const RowTerm poisson{"poisson", [&](EmitRow<K> emit) {
                           for (Index h = 0; h < 3 * m; ++h)
@@ -187,27 +238,8 @@ template <class K>
     if (Status status = solve(false); !status.ok()) return status.error();
     ++report.iterations;
 
-    // Signed singular values of the map relative to its target.
-    double total = 0, distortion = 0;
-    std::vector<char> thin(at(m), 0);
-    for (Index f = 0; f < m; ++f) {
-      const Complex a = target[at(3 * f)], b = target[at(3 * f + 1)];
-      const Complex p = z[at(3 * f + 1)] - z[at(3 * f)], q = z[at(3 * f + 2)] - z[at(3 * f + 1)];
-      const double det = cross(a, b);
-      if (!(det > 0)) {
-        delta[at(f)] = 0;
-        continue;
-      }
-      // J = α id + β conj: singular values |α| ± |β|.
-      const Complex alpha = (p * std::conj(b) - q * std::conj(a)) / (a * std::conj(b) - std::conj(a) * b);
-      const Complex beta = (q * a - p * b) / (a * std::conj(b) - std::conj(a) * b);
-      const double s1 = std::abs(alpha) + std::abs(beta), s2 = std::abs(alpha) - std::abs(beta);
-      delta[at(f)] = std::abs(s1 - 1) + std::abs(s2 - 1);
-      thin[at(f)] = s1 * s2 < 0.1;
-      total += det;
-      distortion += det * delta[at(f)];
-    }
-    report.distortion = total > 0 ? distortion / total : 0;
+    const detail::Distortion distortion = detail::distortion_of(target, z);
+    report.distortion = distortion.mean;
     const Index defects = report.defects.flips + report.defects.wrong_cones;
     waited = defects < fewest ? 0 : waited + 1;
     if (defects < fewest) {
@@ -235,18 +267,7 @@ template <class K>
       }
       return PoissonMap<K>{std::move(best_x), std::move(best_z), std::move(best)};
     }
-    for (Index f = 0; f < m; ++f) {
-      double sum = 0;
-      int count = 0;
-      for (Index h = 3 * f; h < 3 * f + 3; ++h)
-        if (mesh.twin(h) != no_index) {
-          sum += delta[at(mesh.twin(h) / 3)];
-          ++count;
-        }
-      if (count > 0)
-        // Adding alone is too slow for the last few flips: what is (nearly) flipped doubles.
-        weight[at(f)] = (thin[at(f)] ? 2.0 : 1.0) * weight[at(f)] + std::min(std::abs(sum / count - delta[at(f)]), 5.0);
-    }
+    detail::stiffen(mesh, distortion, weight);
   }
 }
 

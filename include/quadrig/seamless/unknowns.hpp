@@ -1,6 +1,7 @@
 // What remains unknown of a seamless map once every transition, cone and alignment is built in exactly.
 #pragma once
 
+#include <queue>
 #include <span>
 
 #include "quadrig/seamless/cut_graph.hpp"
