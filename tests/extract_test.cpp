@@ -110,7 +110,7 @@ TEST_CASE("extract: on a flat grid the coarse map puts its quads where the fine 
   const GridCase g = grid_case<double>(std::move(c), 24);
   CHECK(g.integers.quads == 24);
   REQUIRE(g.fine.has_value());
-  std::vector<Complex> z = g.z;
+  const std::vector<Complex>& z = g.z;
   double area = 0;
   for (std::size_t h = 0; h < z.size(); h += 3) area += cross(z[h + 1] - z[h], z[h + 2] - z[h]) / 2;
   CHECK(area == quadrig::test::Approx(24));

@@ -135,23 +135,16 @@ TEST_CASE("remesh: small surfaces of every kind come out valid", "[pipeline]") {
   }
 }
 
-TEST_CASE("remesh: every synthetic surface comes out valid, or is refused by its stage", "[pipeline][slow]") {
-  Index refused = 0;
+TEST_CASE("remesh: every synthetic surface comes out valid", "[pipeline][slow]") {
   for (const SyntheticCase& c : synthetic_cases()) {
     INFO(c.name);
     const Asset asset = asset_of(c.make());
     if (asset.mesh.face_count() > 20000) continue;
     Context context;
     const auto result = remesh(asset, wanting(600), context);
-    if (result) {
-      check_result(asset, *result);
-      continue;
-    }
-    CHECK(result.error().code == ErrorCode::stage_failed);
-    CHECK_FALSE(result.error().where.empty());
-    ++refused;
+    CHECK(result);
+    if (result) check_result(asset, *result);
   }
-  CHECK(refused == 0);
 }
 
 TEST_CASE("remesh: the count is met where there are enough quads a singularity", "[pipeline]") {

@@ -32,16 +32,18 @@
 namespace quadrig {
 
 #if defined(QUADRIG_COMPILED)
-/// Eigen takes and frees memory, and lays out its types, by EIGEN_MAX_ALIGN_BYTES, which options like -mavx change. The
-/// library defines `check` for the value it was compiled with alone, and every program refers to that of its own: with
-/// another value it does not link, in place of crashing.
-template <int bytes, int bytes_of_fixed_sizes>
+/// Eigen takes and frees memory, and lays out its types, by EIGEN_MAX_ALIGN_BYTES, which options like -mavx change, and
+/// by whether malloc aligns enough, which -fsanitize=address changes. The library defines `check` for the values that
+/// it was compiled with alone, and every program refers to that of its own: with others it does not link, in place of
+/// crashing.
+template <int bytes, int bytes_of_fixed_sizes, bool by_malloc>
 struct library_was_compiled_with_another_EIGEN_MAX_ALIGN_BYTES {
   static void check();
 };
 namespace detail {
 using SameAlignment =
-    library_was_compiled_with_another_EIGEN_MAX_ALIGN_BYTES<EIGEN_DEFAULT_ALIGN_BYTES, EIGEN_MAX_STATIC_ALIGN_BYTES>;
+    library_was_compiled_with_another_EIGEN_MAX_ALIGN_BYTES<EIGEN_DEFAULT_ALIGN_BYTES, EIGEN_MAX_STATIC_ALIGN_BYTES,
+                                                            EIGEN_MALLOC_ALREADY_ALIGNED != 0>;
 #if defined(__GNUC__)
 [[gnu::used]]
 #endif

@@ -58,7 +58,7 @@ if(HOW STREQUAL "misuse")
   file(GLOB library "${prefix}/lib/libquadrig_compiled.a" "${prefix}/lib64/libquadrig_compiled.a"
     "${prefix}/lib/${ARCHITECTURE}/libquadrig_compiled.a")
   run(${compile} -std=c++20 ${library} -pthread -o "${work}/main")
-  refuses("another alignment" "another_EIGEN_MAX_ALIGN_BYTES<64, *64>"
+  refuses("another alignment" "another_EIGEN_MAX_ALIGN_BYTES<64, *64"
     ${compile} -std=c++20 -DEIGEN_MAX_ALIGN_BYTES=64 -DEIGEN_MAX_STATIC_ALIGN_BYTES=64 ${library} -pthread -o "${work}/other")
   return()
 endif()

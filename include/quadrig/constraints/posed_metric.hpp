@@ -1,7 +1,9 @@
 // How curved the surface gets when it moves, and the quads that follow it best: directions, aspect and density.
 //
 // A quad with rest edge vectors a, b strays from the surface of pose p by an error e_p(a, b) that is quadratic in C_p,
-// the second fundamental form of the posed surface pulled back to the rest surface (QuadError says how). At a fixed
+// the second fundamental form of the posed surface pulled back to the rest surface: with A = C(a, a), B = C(b, b) and
+// M = C(a, b), e² = (3 A² + 3 B² + 5 A B + 4 M²) / 360 is the mean square distance of the two triangles that a renderer
+// draws, over both diagonals (quadratic interpolation error, integrated); principal directions are best. At a fixed
 // area A of the quad e_p² = A² E_p(θ, ρ): the best angle θ and aspect ρ make E = Σ_p weight_p E_p least.
 #pragma once
 
@@ -9,16 +11,6 @@
 #include "quadrig/skinning.hpp"
 
 namespace quadrig {
-
-/// How far a quad with edge vectors a, b strays from the surface of a pose, squared; with A = C(a, a), B = C(b, b),
-/// M = C(a, b):
-enum class QuadError : std::uint8_t {
-  /// (|A| + |B|)² / 64: the sagitta at the middle of the patch. On a saddle the lines without curvature are best.
-  sagitta,
-  /// (3 A² + 3 B² + 5 A B + 4 M²) / 360: the mean square distance of the two triangles that a renderer draws, over both
-  /// diagonals (quadratic interpolation error, integrated). Principal directions are best everywhere.
-  triangles,
-};
 
 /// C_p of every face and pose. Poses that move a face as a rigid body share the form of the rest pose.
 class PosedForms {
@@ -71,7 +63,7 @@ class PosedForms {
   }
   /// Σ_p weight_p e_p(a, b)²: the mean square over the poses of the error (a length) that a quad with these rest edge
   /// vectors, given in the face's basis, leaves. \cost O(forms of the face)
-  [[nodiscard]] double mean_square_error(Index face, Complex a, Complex b, QuadError kind = QuadError::triangles) const;
+  [[nodiscard]] double mean_square_error(Index face, Complex a, Complex b) const;
 
  private:
   std::vector<Form> forms_;
@@ -94,7 +86,6 @@ struct PosedMetric {
 };
 
 struct PosedMetricOptions {
-  QuadError quad_error = QuadError::triangles;
   double largest_aspect = 4;
   /// Errors where weights blend count joint_weight times as much as where one bone rules: j = 1 + (joint_weight − 1)(1
   /// − ω1).

@@ -364,16 +364,11 @@ QUADRIG_INLINE Expected<PosedForms> PosedForms::create(const TriangleMesh<double
   return result;
 }
 
-QUADRIG_INLINE double PosedForms::mean_square_error(Index face, Complex a, Complex b, QuadError kind) const {
+QUADRIG_INLINE double PosedForms::mean_square_error(Index face, Complex a, Complex b) const {
   double sum = 0;
   for (const Form& form : of_face(face)) {
-    const double aa = form.at(a), bb = form.at(b);
-    if (kind == QuadError::sagitta) {
-      sum += form.weight * (std::abs(aa) + std::abs(bb)) * (std::abs(aa) + std::abs(bb)) / 64;
-    } else {
-      const double ab = 0.5 * (form.at(a + b) - aa - bb);
-      sum += form.weight * (3 * aa * aa + 3 * bb * bb + 5 * aa * bb + 4 * ab * ab) / 360;
-    }
+    const double aa = form.at(a), bb = form.at(b), ab = 0.5 * (form.at(a + b) - aa - bb);
+    sum += form.weight * (3 * aa * aa + 3 * bb * bb + 5 * aa * bb + 4 * ab * ab) / 360;
   }
   return sum;
 }
@@ -386,27 +381,22 @@ struct BestAspect {
   double aspect = 1;
 };
 
-inline BestAspect best_aspect(std::span<const PosedForms::Form> forms, Complex z, double largest, QuadError kind) {
+inline BestAspect best_aspect(std::span<const PosedForms::Form> forms, Complex z, double largest) {
   double s11 = 0, s22 = 0, fixed = 0;  // Σ A², Σ B², and what the aspect does not change, all at aspect 1
   const double xx = z.real() * z.real(), xy = z.real() * z.imag(), yy = z.imag() * z.imag();
-  const bool sagitta = kind == QuadError::sagitta;
   for (const PosedForms::Form& form : forms) {
     const double a = form.xx * xx + 2 * form.xy * xy + form.yy * yy;
     const double b = form.xx * yy - 2 * form.xy * xy + form.yy * xx;
     s11 += form.weight * a * a;
     s22 += form.weight * b * b;
-    if (sagitta) {
-      fixed += form.weight * 2 * std::abs(a * b);
-    } else {
-      const double m = form.xy * (xx - yy) + (form.yy - form.xx) * xy;
-      fixed += form.weight * (5 * a * b + 4 * m * m);
-    }
+    const double m = form.xy * (xx - yy) + (form.yy - form.xx) * xy;
+    fixed += form.weight * (5 * a * b + 4 * m * m);
   }
-  // E = (k ρ² s11 + k s22 / ρ² + fixed) / scale, least at ρ⁴ = s22 / s11, and monotone on either side of it
+  // E = (3 ρ² s11 + 3 s22 / ρ² + fixed) / 360, least at ρ⁴ = s22 / s11, and monotone on either side of it
   double square = s11 > 0 ? std::sqrt(s22 / s11) : s22 > 0 ? largest * largest : 1.0;
   square = std::clamp(square, 1 / (largest * largest), largest * largest);
   const double changing = square * s11 + s22 / square;
-  return {std::max(0.0, sagitta ? (changing + fixed) / 64 : (3 * changing + fixed) / 360), std::sqrt(square)};
+  return {std::max(0.0, (3 * changing + fixed) / 360), std::sqrt(square)};
 }
 
 }  // namespace detail
@@ -434,7 +424,7 @@ QUADRIG_INLINE Expected<PosedMetric> posed_metric(const TriangleMesh<double>& me
       if (f % 256 == 0 && context.cancelled()) return;
       const auto of_face = forms.of_face(static_cast<Index>(f));
       const auto at = [&](double angle) {
-        return detail::best_aspect(of_face, std::polar(1.0, angle), options.largest_aspect, options.quad_error);
+        return detail::best_aspect(of_face, std::polar(1.0, angle), options.largest_aspect);
       };
       double errors[scan];
       int best = 0;

@@ -12,7 +12,7 @@ namespace quadrig {
 /// \cost O(m)
 [[nodiscard]] inline Refinement split_edges(const TriangleMesh<double>& mesh, const std::vector<char>& marked,
                                             const std::function<double(Index)>& share = {}) {
-  const auto at = [](Index i) { return static_cast<std::size_t>(i); };
+  using detail::at;
   const Index n = mesh.vertex_count();
   std::vector<Index> middle(marked.size(), no_index);
   std::vector<SurfacePoint> source(at(n));

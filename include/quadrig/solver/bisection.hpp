@@ -205,7 +205,6 @@ class Dissection {
   }
 
  private:
-  static std::size_t at(Index v) { return static_cast<std::size_t>(v); }
   static void release(DissectionPiece& piece) { piece = DissectionPiece(); }
 
   static Index distances(const DissectionPiece& piece, Index root, std::vector<Index>& distance,

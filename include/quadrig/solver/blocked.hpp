@@ -22,31 +22,30 @@ class BlockedRows {
       : smoothed_(order.size() - kept), diagonal_(order.size()), inverse_(order.size()), rows_(order.size()) {
     const std::size_t n = order.size();
     std::vector<Index> position(n);
-    for (std::size_t i = 0; i < n; ++i) position[to_size(order[i])] = static_cast<Index>(i);
+    for (std::size_t i = 0; i < n; ++i) position[at(order[i])] = static_cast<Index>(i);
     columns_.reserve(A.columns.size() - n);
     outer_blocks_.reserve(n / block + 2);
     values_.reserve(A.values.size() - n);
     for (std::size_t begin = 0; begin < n; begin += block) {
       const auto first = static_cast<Index>(begin), last = static_cast<Index>(std::min(n, begin + block));
       for (Index i = first; i < last; ++i) {
-        const std::size_t from = A.starts[to_size(order[to_size(i)])], to = A.starts[to_size(order[to_size(i)]) + 1];
+        const std::size_t from = A.starts[at(order[at(i)])], to = A.starts[at(order[at(i)]) + 1];
         const auto take = [&](auto&& wanted, Index base, auto& columns, std::vector<K>& values) {
           const std::size_t before = values.size();
           for (std::size_t e = from; e < to; ++e)
-            if (const Index j = position[to_size(A.columns[e])]; wanted(j)) {
+            if (const Index j = position[at(A.columns[e])]; wanted(j)) {
               columns.push_back(static_cast<typename std::remove_reference_t<decltype(columns)>::value_type>(j - base));
               values.push_back(static_cast<K>(factor * A.values[e]));
             }
           return values.size() - before;
         };
         for (std::size_t e = from; e < to; ++e)
-          if (A.columns[e] == order[to_size(i)])
-            diagonal_[to_size(i)] = static_cast<Real>(factor * std::real(A.values[e]));
-        inverse_[to_size(i)] = 1 / diagonal_[to_size(i)];
-        Row& row = rows_[to_size(i)];
+          if (A.columns[e] == order[at(i)]) diagonal_[at(i)] = static_cast<Real>(factor * std::real(A.values[e]));
+        inverse_[at(i)] = 1 / diagonal_[at(i)];
+        Row& row = rows_[at(i)];
         row.left = static_cast<Local>(take([&](Index j) { return j >= first && j < i; }, first, columns_, values_));
         row.right = static_cast<Local>(take([&](Index j) { return j > i && j < last; }, first, columns_, values_));
-        if (to_size(i) >= smoothed_) inverse_[to_size(i)] = 0;
+        if (at(i) >= smoothed_) inverse_[at(i)] = 0;
         const std::size_t outer = outer_columns_.size();
         if (take([&](Index j) { return j < first || j >= last; }, 0, outer_columns_, outer_values_) == 0) continue;
         outer_rows_.push_back(i);
@@ -54,10 +53,10 @@ class BlockedRows {
         // The sweep converges where the diagonal, with twice what is added to it, outweighs what the sweep leaves out.
         Real left_out = 0;
         for (std::size_t o = outer; o < outer_columns_.size(); ++o)
-          if (to_size(outer_columns_[o]) < smoothed_) left_out += std::abs(outer_values_[o]);
-        const Real more = std::max(Real(0), (left_out - Real(0.9) * diagonal_[to_size(i)]) / 2);
-        outer_more_.push_back(to_size(i) < smoothed_ ? more : 0);
-        if (to_size(i) < smoothed_) inverse_[to_size(i)] = 1 / (diagonal_[to_size(i)] + more);
+          if (at(outer_columns_[o]) < smoothed_) left_out += std::abs(outer_values_[o]);
+        const Real more = std::max(Real(0), (left_out - Real(0.9) * diagonal_[at(i)]) / 2);
+        outer_more_.push_back(at(i) < smoothed_ ? more : 0);
+        if (at(i) < smoothed_) inverse_[at(i)] = 1 / (diagonal_[at(i)] + more);
       }
       bases_.push_back(columns_.size());
       outer_blocks_.push_back(outer_rows_.size());
@@ -66,10 +65,10 @@ class BlockedRows {
     std::sort(halo_rows_.begin(), halo_rows_.end());
     halo_rows_.erase(std::unique(halo_rows_.begin(), halo_rows_.end()), halo_rows_.end());
     std::vector<Index>& place = position;  // no longer needed
-    for (std::size_t h = 0; h < halo_rows_.size(); ++h) place[to_size(halo_rows_[h])] = static_cast<Index>(h);
-    for (Index& column : outer_columns_) column = place[to_size(column)];
+    for (std::size_t h = 0; h < halo_rows_.size(); ++h) place[at(halo_rows_[h])] = static_cast<Index>(h);
+    for (Index& column : outer_columns_) column = place[at(column)];
     for (std::size_t k = 0, h = 0; k * block < n; ++k) {
-      while (h < halo_rows_.size() && to_size(halo_rows_[h]) < (k + 1) * block) ++h;
+      while (h < halo_rows_.size() && at(halo_rows_[h]) < (k + 1) * block) ++h;
       halo_blocks_.push_back(h);
     }
     halo_.resize(halo_rows_.size());
@@ -92,9 +91,9 @@ class BlockedRows {
           all.columns.push_back(static_cast<Index>(k * block + columns_[e]));
           all.values.push_back(values_[e]);
         }
-        if (outer < outer_rows_.size() && to_size(outer_rows_[outer]) == i) {
+        if (outer < outer_rows_.size() && at(outer_rows_[outer]) == i) {
           for (std::size_t o = outer_starts_[outer]; o < outer_starts_[outer + 1]; ++o) {
-            all.columns.push_back(halo_rows_[to_size(outer_columns_[o])]);
+            all.columns.push_back(halo_rows_[at(outer_columns_[o])]);
             all.values.push_back(outer_values_[o]);
           }
           ++outer;
@@ -124,7 +123,7 @@ class BlockedRows {
     return inner + sum_of_blocks(context, [&](std::size_t k, std::size_t, std::size_t) {
              double sum = 0;
              for (std::size_t o = outer_blocks_[k]; o < outer_blocks_[k + 1]; ++o) {
-               const std::size_t i = to_size(outer_rows_[o]);
+               const std::size_t i = at(outer_rows_[o]);
                const K more = -minus_outer(o);
                q[i] += more;
                sum += product(static_cast<K>(p[i]), more);
@@ -158,7 +157,7 @@ class BlockedRows {
     });
     for_each_block(context, [&](std::size_t k, std::size_t, std::size_t) {
       for (std::size_t o = outer_blocks_[k]; o < outer_blocks_[k + 1]; ++o)
-        r[to_size(outer_rows_[o])] += minus_outer(o) + outer_more_[o] * x[to_size(outer_rows_[o])];
+        r[at(outer_rows_[o])] += minus_outer(o) + outer_more_[o] * x[at(outer_rows_[o])];
     });
   }
   /// x += P y, then the sweep downwards on b; returns b · x.
@@ -168,7 +167,7 @@ class BlockedRows {
       for (std::size_t i = begin; i < end; ++i) {
         K correction{};
         for (std::size_t e = P.starts[i]; e < P.starts[i + 1]; ++e)
-          subtract_product(correction, P.values[e], y[to_size(P.columns[e])]);
+          subtract_product(correction, P.values[e], y[at(P.columns[e])]);
         x[i] -= correction;
       }
       show(k, x.data());
@@ -179,7 +178,7 @@ class BlockedRows {
       for (std::size_t i = end; i-- > begin;) {
         e -= rows_[i].count();
         K value = b[i] + minus(e, rows_[i].count(), x.data() + begin);
-        if (o > outer_blocks_[k] && to_size(outer_rows_[o - 1]) == i) {
+        if (o > outer_blocks_[k] && at(outer_rows_[o - 1]) == i) {
           value += minus_outer(--o);
           value += outer_more_[o] * x[i];
         }
@@ -232,20 +231,18 @@ class BlockedRows {
   // Lays out what other blocks read of a block's rows.
   template <class X>
   void show(std::size_t k, const X* x) {
-    for (std::size_t h = halo_blocks_[k]; h < halo_blocks_[k + 1]; ++h)
-      halo_[h] = static_cast<K>(x[to_size(halo_rows_[h])]);
+    for (std::size_t h = halo_blocks_[k]; h < halo_blocks_[k + 1]; ++h) halo_[h] = static_cast<K>(x[at(halo_rows_[h])]);
   }
   // Minus the sum of a row's entries outside its block, times what is laid out.
   K minus_outer(std::size_t o) const {
     K sum{};
     for (std::size_t e = outer_starts_[o]; e < outer_starts_[o + 1]; ++e)
-      subtract_product(sum, outer_values_[e], halo_[to_size(outer_columns_[e])]);
+      subtract_product(sum, outer_values_[e], halo_[at(outer_columns_[e])]);
     return sum;
   }
   void subtract_outer(std::span<K> r, const Context& context) const {
     for_each_block(context, [&](std::size_t k, std::size_t, std::size_t) {
-      for (std::size_t o = outer_blocks_[k]; o < outer_blocks_[k + 1]; ++o)
-        r[to_size(outer_rows_[o])] += minus_outer(o);
+      for (std::size_t o = outer_blocks_[k]; o < outer_blocks_[k + 1]; ++o) r[at(outer_rows_[o])] += minus_outer(o);
     });
   }
 

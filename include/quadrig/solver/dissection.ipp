@@ -33,7 +33,6 @@ class ClusteredDissection {
   };
 
   static constexpr Index separated = -1, first = -2, second = -3;  // what local_ says where it is no number
-  static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
   // Grown from vertices in their order; what is left over joins a neighbour.
   [[nodiscard]] Piece clusters() const {

@@ -19,7 +19,7 @@ class MultigridLevels {
   Status build(const SparseRows<K>& finest, Index coarsest, std::optional<Index> in_order, Context& context) {
     levels_.clear();
     const auto last_of = [&](Index n) {  // marked where there are any
-      std::vector<char> marks(kept_ > 0 ? to_size(n) : 0, 0);
+      std::vector<char> marks(kept_ > 0 ? at(n) : 0, 0);
       std::fill_n(marks.rbegin(), kept_, char{1});
       return marks;
     };
@@ -27,10 +27,10 @@ class MultigridLevels {
     kept_ = in_order.value_or(0);
     if (in_order) {
       kept = last_of(finest.size());
-    } else if (const std::vector<Index> found = long_rows(finest, 4 * to_size(coarsest)); !found.empty()) {
+    } else if (const std::vector<Index> found = long_rows(finest, 4 * at(coarsest)); !found.empty()) {
       kept_ = static_cast<Index>(found.size());
-      kept.resize(to_size(finest.size()), 0);
-      for (const Index i : found) kept[to_size(i)] = 1;
+      kept.resize(at(finest.size()), 0);
+      for (const Index i : found) kept[at(i)] = 1;
     }
     const auto indefinite = [] {
       return Error{ErrorCode::numeric, "the matrix is not positive definite", "solver multigrid",
@@ -60,7 +60,7 @@ class MultigridLevels {
       Made& level = made.back();
       level.prolong = smoothed<K>(fine, kept, kept.empty() ? tentative : joined<K>(fine, kept, tentative));
       kept = last_of(tentative.columns_count);
-      level.group.resize(to_size(fine.size()), no_index);
+      level.group.resize(at(fine.size()), no_index);
       for (std::size_t i = 0; i < level.group.size(); ++i)
         if (tentative.starts[i] < tentative.starts[i + 1]) level.group[i] = tentative.columns[tentative.starts[i]];
       SparseRows<K> coarse = product(adjoint(level.prolong), product(fine, level.prolong));
@@ -85,13 +85,13 @@ class MultigridLevels {
     for (std::size_t depth = made.size(); depth-- > 0; below = order_) {
       Made& from = made[depth];
       Level& level = levels_[depth];
-      order_.resize(to_size(matrix(depth).size()));
+      order_.resize(at(matrix(depth).size()));
       for (std::size_t i = 0; i < order_.size(); ++i) order_[i] = static_cast<Index>(i);
       const bool finer = depth + 1 < made.size();
       std::vector<Index> position(below.size());
-      for (std::size_t i = 0; i < below.size(); ++i) position[to_size(below[i])] = static_cast<Index>(i);
-      if (!in_order && finer) order_ = by_group(from.group, position, to_size(kept_));
-      level.matrix = BlockedRows<L>(matrix(depth), order_, factor_, to_size(kept_));
+      for (std::size_t i = 0; i < below.size(); ++i) position[at(below[i])] = static_cast<Index>(i);
+      if (!in_order && finer) order_ = by_group(from.group, position, at(kept_));
+      level.matrix = BlockedRows<L>(matrix(depth), order_, factor_, at(kept_));
       if (finer) {
         level.prolong = permuted<L>(from.prolong, order_, position);
         level.restrict_to = adjoint(level.prolong);
@@ -127,7 +127,7 @@ class MultigridLevels {
     std::vector<std::size_t> next(position.size() + 2, 0);
     const std::size_t none = position.size() - kept;
     const auto place = [&](Index g) {
-      const std::size_t p = g == no_index ? none : to_size(position[to_size(g)]);
+      const std::size_t p = g == no_index ? none : at(position[at(g)]);
       return g != no_index && p >= none ? p + 1 : p;
     };
     for (const Index g : group) ++next[place(g) + 1];

@@ -55,8 +55,8 @@ class MultigridCg {
     ready_ = false;
     exact_.reset();
     for (Index i = 0; i < A.size; ++i) {
-      const auto begin = detail::to_size(A.column_starts[detail::to_size(i)]);
-      const auto end = detail::to_size(A.column_starts[detail::to_size(i) + 1]);
+      const auto begin = detail::at(A.column_starts[detail::at(i)]);
+      const auto end = detail::at(A.column_starts[detail::at(i) + 1]);
       bool finite = true;
       for (std::size_t e = begin; e < end; ++e) finite = finite && std::isfinite(std::norm(A.values[e]));
       if (finite && std::real(A.values[begin]) > 0) continue;
@@ -125,8 +125,8 @@ class MultigridCg {
     const std::vector<Index>& order = rough_.order();
     std::vector<K> right_hand(n), solution(n), q(n), r(n);
     for (std::size_t i = 0; i < n; ++i) {
-      right_hand[i] = b[detail::to_size(order[i])];
-      solution[i] = x[detail::to_size(order[i])];
+      right_hand[i] = b[detail::at(order[i])];
+      solution[i] = x[detail::at(order[i])];
     }
     std::vector<L> right(n), z(n), p(n);  // r over its size, what the levels make of it, the direction
     const auto square = [&](std::span<const K> v) {
@@ -182,7 +182,7 @@ class MultigridCg {
       if (!std::isfinite(size)) return fail("the iteration is not finite", "check the matrix", false);
     }
     matrix_.residual(right_hand, solution, r, context);
-    for (std::size_t i = 0; i < n; ++i) x[detail::to_size(order[i])] = solution[i];
+    for (std::size_t i = 0; i < n; ++i) x[detail::at(order[i])] = solution[i];
     info.residual = std::sqrt(square(r)) / scale;
     if (!(info.residual < 1e3 * tolerance))
       return fail("the iteration lost its residual", "use a direct solver", false);

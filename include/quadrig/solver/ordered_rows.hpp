@@ -77,7 +77,6 @@ class OrderedRows {
     std::vector<Index> columns;
     std::vector<Index> given;  // which of the given entries each is; −1 − that where it is to be conjugated
   };
-  static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
 
   std::shared_ptr<const Pattern> pattern_;
   std::vector<K, Untouched<K>> values_;

@@ -73,7 +73,7 @@ class PetscCg {
     const auto [first, last] = range(A.size);
     own.first = first;
     for (PetscInt i = first; i < last; ++i) {
-      const std::size_t begin = full.starts[detail::to_size(i)], end = full.starts[detail::to_size(i) + 1];
+      const std::size_t begin = full.starts[detail::at(i)], end = full.starts[detail::at(i) + 1];
       own.columns.insert(own.columns.end(), full.columns.begin() + static_cast<std::ptrdiff_t>(begin),
                          full.columns.begin() + static_cast<std::ptrdiff_t>(end));
       own.values.insert(own.values.end(), full.values.begin() + static_cast<std::ptrdiff_t>(begin),
@@ -86,10 +86,10 @@ class PetscCg {
   SolveInfo solve(std::span<const K> b, std::span<K> x, Context& context) {
     if (!solver_) return not_ready();
     const auto [first, last] = range(static_cast<Index>(b.size()));
-    std::vector<K> own(detail::to_size(last - first));
-    SolveInfo info = solve_rows(b.subspan(detail::to_size(first), own.size()), own, context);
+    std::vector<K> own(detail::at(last - first));
+    SolveInfo info = solve_rows(b.subspan(detail::at(first), own.size()), own, context);
     if (!info.status.ok()) return info;
-    std::vector<int> counts(detail::to_size(process_count())), places(counts.size(), 0);
+    std::vector<int> counts(detail::at(process_count())), places(counts.size(), 0);
     const int mine = static_cast<int>(own.size());
     MPI_Allgather(&mine, 1, MPI_INT, counts.data(), 1, MPI_INT, processes_);
     for (std::size_t p = 1; p < counts.size(); ++p) places[p] = places[p - 1] + counts[p - 1];
@@ -111,8 +111,7 @@ class PetscCg {
     wrong[0] = before != begin;
     for (PetscInt i = 0; i < count; ++i) {
       K diagonal{};
-      for (auto e = detail::to_size(rows.starts[detail::to_size(i)]);
-           e < detail::to_size(rows.starts[detail::to_size(i) + 1]); ++e) {
+      for (auto e = detail::at(rows.starts[detail::at(i)]); e < detail::at(rows.starts[detail::at(i) + 1]); ++e) {
         if (!std::isfinite(std::norm(rows.values[e]))) wrong[1] = 1;
         if (rows.columns[e] == begin + i) diagonal = rows.values[e];
       }
@@ -230,8 +229,7 @@ class PetscCg {
       queue.assign(1, seed);
       for (std::size_t head = 0; head < queue.size(); ++head) {
         const PetscInt i = queue[head];
-        for (auto e = detail::to_size(rows.starts[detail::to_size(i)]);
-             e < detail::to_size(rows.starts[detail::to_size(i) + 1]); ++e) {
+        for (auto e = detail::at(rows.starts[detail::at(i)]); e < detail::at(rows.starts[detail::at(i) + 1]); ++e) {
           const PetscInt j = rows.columns[e] - rows.first;
           const double size = std::abs(rows.values[e]);
           if (j < 0 || j >= count_ || value[j] != K{} || !(size > 0)) continue;

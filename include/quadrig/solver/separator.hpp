@@ -68,7 +68,6 @@ class VertexCut {
 
  private:
   static constexpr Index none = -1, outside = -2;
-  static std::size_t at(Index v) { return static_cast<std::size_t>(v); }
   [[nodiscard]] Index count() const { return static_cast<Index>(touches_.size()); }
 
   std::vector<char> mark(char own) {

@@ -25,7 +25,6 @@ class Substitution {
 
  private:
   using Real = real_of<K>;
-  static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
   static std::ptrdiff_t offset(Index column, Index stride) { return static_cast<std::ptrdiff_t>(column) * stride; }
 
   QUADRIG_INTO_CALLER void forward(Index s, K* gathered) const {

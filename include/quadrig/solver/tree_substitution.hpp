@@ -128,7 +128,6 @@ class TreeSubstitution {
   using Real = real_of<K>;
   static constexpr bool is_complex = !std::is_same_v<K, Real>;
   static constexpr Index group = 4;
-  static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
   bool stopped(Index s) const { return s % 256 == 0 && context_.cancelled(); }
 
   // A number and i times its conjugate, whose parts are those of the number in the other order.
@@ -243,7 +242,6 @@ class TreeSubstitution {
 template <class K>
 void substitute_by_tree(const SymbolicFactor& symbolic, std::span<const Index> roots, const K* panels, K* y,
                         const Context& context) {
-  const auto at = [](Index s) { return static_cast<std::size_t>(s); };
   const TreeSubstitution<K> pass(symbolic, panels, y, context);
   const auto forward = [&](Index first, Index last, SubstitutionStack<K>& stack) {
     bool done = false;

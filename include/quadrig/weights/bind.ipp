@@ -207,7 +207,6 @@ inline Status biharmonic_weights(const TriangleMesh<double>& mesh, std::span<con
                                  std::span<const double> area, std::span<double> weights, Context& context) {
   constexpr int rounds = 30;
   const Index n = mesh.vertex_count();
-  const auto at = [](Index i) { return static_cast<std::size_t>(i); };
   std::vector<Index> unknowns;
   std::vector<double> coefficients;
   const auto laplacian = [&](Index v, auto&& use) {  // use(): the row of v in `unknowns` and `coefficients`
