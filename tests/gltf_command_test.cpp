@@ -19,11 +19,38 @@ TEST_CASE("command: a part of a glTF file that fails stays, is told, and is exit
   CHECK(!std::filesystem::exists(folder / "strict.glb"));
 }
 
+TEST_CASE("command: VRM is read and written as itself, and a binary file whatever its name", "[cli][gltf][fast]") {
+  const ScratchFolder folder("gltf-command");
+  write_text(folder / "in.vrm", tube_file());
+  write_text(folder / "in.bin", tube_file());
+  for (const char* name : {"in.vrm", "in.bin"}) {
+    const CommandResult done = run_quadrig(folder, std::string("remesh ") + name + " --quads 150 -o out.vrm");
+    INFO(done.error);
+    CHECK(done.exit_code == 0);
+    CHECK(has(done.output, "triangles in all"));
+    CHECK(read_text(folder / "out.vrm").substr(0, 4) == "glTF");
+    std::filesystem::remove(folder / "out.vrm");
+  }
+}
+
+TEST_CASE("command: what strays or misses the count is told, and is exit code 9", "[cli][gltf][fast]") {
+  const ScratchFolder folder("gltf-command");
+  write_text(folder / "in.glb", tube_file({.sides = 24, .rings = 32}));
+  const CommandResult strict = run_quadrig(folder, "remesh in.glb --quads 60 -o out.glb --max-error 0.001");
+  CHECK(strict.exit_code == 9);
+  CHECK(has(strict.error, "strays"));
+  CHECK(has(strict.output, "1 shell strays"));
+  const CommandResult loose = run_quadrig(folder, "remesh in.glb --quads 300 -o out.glb --max-error 0");
+  INFO(loose.error);
+  CHECK(loose.exit_code == 0);
+  CHECK(!has(loose.error, "strays"));
+}
+
 TEST_CASE("command: several counts make one file each, all or none", "[cli][gltf][fast]") {
   const ScratchFolder folder("gltf-command");
   write_text(folder / "in.glb", tube_file());
-  const CommandResult done =
-      run_quadrig(folder, "remesh in.glb --quads 300,150 -o out.glb --report r.json --quads-out q.obj");
+  const CommandResult done = run_quadrig(
+      folder, "remesh in.glb --quads 300,150 --topology field -o out.glb --report r.json --quads-out q.obj");
   INFO(done.error);
   CHECK(done.exit_code == 0);
   CHECK(names_in(folder.path()) == std::vector<std::string>{"in.glb", "out_LOD0.glb", "out_LOD1.glb", "q_LOD0.obj",
@@ -50,7 +77,8 @@ TEST_CASE("command: several counts make one file each, all or none", "[cli][gltf
 TEST_CASE("command: stats bends quads by the clips of a glTF file", "[cli][gltf][slow]") {
   const ScratchFolder folder("gltf-command");
   write_text(folder / "in.glb", tube_file());
-  REQUIRE(run_quadrig(folder, "remesh in.glb --quads 300 -o out.glb --quads-out q.obj").exit_code == 0);
+  REQUIRE(run_quadrig(folder, "remesh in.glb --quads 300 --topology field -o out.glb --quads-out q.obj").exit_code ==
+          0);
   struct Bending {
     double poses, rms;
   };

@@ -34,9 +34,11 @@ Done remeshed(const Tube& tube, const GltfRemeshOptions& options) {
   return {again->json(), std::move(*surfaces), std::move(*back)};
 }
 
+/// Quads of a field, wherever there is room for one.
 GltfRemeshOptions asked(Index quads) {
   GltfRemeshOptions options;
   options.remesh.quads = quads;
+  options.topology = GltfTopology::field;
   return options;
 }
 
@@ -158,7 +160,6 @@ TEST_CASE("gltf: a shell that cannot be remeshed stays among the quads of the ot
   const GltfRemeshed& one = done.surfaces[0];
   CHECK(face_components(done.read_back[0].asset.mesh).count == 2);
   // What it becomes is the pipeline's to say; what is told of it must be true.
-  REQUIRE(one.failures.size() == static_cast<std::size_t>(one.passed_shells));
   REQUIRE(one.failures.size() <= 1);
   CHECK(one.passed_triangles == one.passed_shells);
   if (one.failures.empty()) return;

@@ -16,6 +16,8 @@ struct Tube {
   bool two_materials = true, nan_weights = false, cycle = false, as_json = false;
   bool skinned = true;         ///< else a mesh alone
   bool crate = false;          ///< a box that no skin moves, mesh "crate" of node "prop"
+  bool parted = false;         ///< the upper half is a mesh of its own, with a skin of the same joints and matrices
+  bool hung = false;           ///< the box hangs on the upper joint
   bool broken = false;         ///< a second skin "bad" whose mesh "broken" has a position that is not finite
   bool speck = false;          ///< instead a tiny triangle, and its bind matrices end in 0.99999994
   bool needle = false;         ///< one more primitive: a triangle 5e7 times as long as it is high
@@ -145,9 +147,10 @@ void put(std::string& bytes, T value) {
   }
   const int at_wrong = tube.tangents ? add(wrong, count, "VEC4", 5126) : 0;
   const int at_shifts = tube.coloured ? add(shifts, count, "VEC2", 5126) : 0;
-  std::string primitives;
+  std::string both[2];
   for (const auto* list : {&lower, &upper}) {
     if (list->empty()) continue;
+    std::string& primitives = both[tube.parted && list == &upper ? 1 : 0];
     std::string bytes;
     for (const std::uint16_t v : *list) detail::put(bytes, v);
     const int indices = add(bytes, list->size(), "SCALAR", 5123);
@@ -163,6 +166,7 @@ void put(std::string& bytes, T value) {
         (tube.tangents ? ",\"TANGENT\":" + std::to_string(at_tilts) : std::string()) +
         (tube.coloured ? ",\"TEXCOORD_0\":" + std::to_string(at_shifts) : std::string()) + "}]}";
   }
+  std::string& primitives = both[0];
   if (tube.needle) {
     std::string corners, joint, weight;
     for (const float x : {1.0F, 0.0F, 0.0F, 2.0F, 0.0F, 0.0F, 1.5F, 2e-8F, 0.0F}) detail::put(corners, x);
@@ -177,6 +181,11 @@ void put(std::string& bytes, T value) {
                   ",\"JOINTS_0\":" + std::to_string(at_joint) + ",\"WEIGHTS_0\":" + std::to_string(at_weight) + "}}";
   }
   std::string more_meshes, more_nodes, more_skins, roots = tube.skinned ? "0,1" : "0";
+  if (tube.parted) {
+    more_meshes += ",{\"name\":\"above\",\"primitives\":[" + both[1] + "],\"weights\":[0.0]}";
+    more_nodes += ",{\"name\":\"rest\",\"mesh\":1,\"skin\":1}";
+    roots += ",3";
+  }
   if (tube.crate) {
     std::string corners, sides;
     for (int v = 0; v < 8; ++v)
@@ -189,7 +198,7 @@ void put(std::string& bytes, T value) {
     more_meshes += ",{\"name\":\"crate\",\"primitives\":[{\"attributes\":{\"POSITION\":" + std::to_string(at_corners) +
                    "},\"indices\":" + std::to_string(at_sides) + "}]}";
     more_nodes += ",{\"name\":\"prop\",\"mesh\":1,\"scale\":[2,2,2]}";
-    roots += ",3";
+    if (!tube.hung) roots += ",3";
   }
   if (tube.broken || tube.speck) {
     std::string corners, joint, weight;
@@ -219,6 +228,7 @@ void put(std::string& bytes, T value) {
   for (const float y : {0.0F, -1.0F})
     for (int k = 0; k < 16; ++k) detail::put(binds, k % 5 == 0 ? 1.0F : k == 13 ? y : 0.0F);
   const int at_binds = add(binds, 2, "MAT4", 5126);
+  if (tube.parted) more_skins += ",{\"joints\":[1,2],\"inverseBindMatrices\":" + std::to_string(at_binds) + "}";
   for (const float t : {0.0F, 0.5F, 1.0F}) detail::put(times, t);
   for (const double angle : {0.0, 0.7, 0.0})
     for (const double x : {0.0, 0.0, std::sin(angle / 2), std::cos(angle / 2)})
@@ -235,8 +245,11 @@ void put(std::string& bytes, T value) {
       std::string(tube.loose ? "" : ",\"children\":[2]") +
       "},"
       "{\"name\":\"upper\",\"translation\":[0,1.0,0]" +
-      std::string(tube.cycle ? ",\"children\":[1]" : "") + "}" + more_nodes +
-      "],\"meshes\":[{\"name\":\"tube\",\"primitives\":[" + primitives + "],\"weights\":[0.0]}" + more_meshes +
+      std::string(tube.cycle  ? ",\"children\":[1]"
+                  : tube.hung ? ",\"children\":[3]"
+                              : "") +
+      "}" + more_nodes + "],\"meshes\":[{\"name\":\"tube\",\"primitives\":[" + primitives + "],\"weights\":[0.0]}" +
+      more_meshes +
       "],\"materials\":[{\"name\":\"red\"},{\"name\":\"blue\"}],"
       "\"skins\":[{\"joints\":[1,2],\"inverseBindMatrices\":" +
       std::to_string(at_binds) + "}" + more_skins +

@@ -12,9 +12,19 @@ enum class GltfPoses : std::uint8_t {
   clips,  ///< the file's own clips, where it has any; else bends
 };
 
+/// What the quads of a shell are made of.
+enum class GltfTopology : std::uint8_t {
+  /// Whatever lies nearest at the same count: quads of a field, the input's own with rows less, or, of shells that are
+  /// rigid or too small for a field, simplified triangles in pairs. What is due as many as it has keeps its own.
+  best,
+  field,  ///< quads of a field wherever a shell is due `least_shell_quads`; smaller ones stay
+};
+
 struct GltfRemeshOptions {
-  /// `quads` counts the quads of all skins together, `poses` is set by `pose_source`.
+  /// `quads` counts the quads of all surfaces together, a triangle that is left as half of one; `poses` is set by
+  /// `pose_source`.
   RemeshOptions remesh;
+  GltfTopology topology = GltfTopology::best;
   /// `strict`: a part that cannot be remeshed is an error.
   PrepareOptions prepare;
   GltfSelection selection;
@@ -23,8 +33,12 @@ struct GltfRemeshOptions {
   std::function<void(const Asset& part, std::span<const Index> source_face, RemeshOptions& options)> on_part;
   GltfPoses pose_source = GltfPoses::bends;
   Index most_poses = 64;  ///< of clips
-  /// Shells whose share of the count is smaller are left as the triangles they are.
+  /// Shells that are due fewer quads are given no field.
   double least_shell_quads = 6;
+  /// The same where other candidates compete.
+  double least_field_quads = 100;
+  /// Shells that bend and are due as many get no simplified triangles in pairs.
+  double least_bending_quads = 300;
   /// Each vertex tells where it lies on the input, as the attribute _SOURCE (docs/gltf.md).
   bool source_map = false;
   /// Edges between regions of quads go onto the seams of texture coordinates, colours and materials where no quad's
@@ -34,6 +48,8 @@ struct GltfRemeshOptions {
   /// quads run along them, not only where they happen to lie near.
   bool keep_materials = false, keep_textures = false;
   double least_at_seams = 0.5;
+  /// A shell that strays farther than this many of its quads' edges is told as a warning; 0: none is.
+  double most_edges_off = 2;
 };
 
 /// A part that was to be remeshed, could not be, and stays as the triangles it is.
@@ -42,12 +58,38 @@ struct GltfFailure {
   Error reason;
 };
 
+/// How a shell was made.
+enum class GltfMake : std::uint8_t {
+  kept,        ///< its triangles as they were, in pairs where they make quads
+  rows,        ///< its own quads, some rows and quads fewer
+  simplified,  ///< edges collapsed, what is left in pairs
+  field,       ///< quads of a field
+};
+[[nodiscard]] constexpr std::string_view gltf_make_name(GltfMake make) {
+  constexpr std::array<std::string_view, 4> names{"kept", "rows", "simplified", "field"};
+  return names[static_cast<std::size_t>(make)];
+}
+
+/// One shell: what it was, what it became, and how far that is from it, in units of its mesh.
+struct GltfShell {
+  std::string part;  ///< "skins[0] 'body', shell 3 (meshes[1], 120 triangles)"
+  GltfMake make = GltfMake::kept;
+  Index input_triangles = 0;
+  double due = 0;                         ///< triangles
+  Index quads = 0, triangles = 0;         ///< triangles: those in no quad
+  double edge = 0;                        ///< of its new quads, about: the square root of two triangles' area
+  double rms = 0, mean = 0, largest = 0;  ///< two-sided distance, at rest and posed
+};
+
 /// What became of one surface.
 struct GltfRemeshed {
   GltfSurface surface;
-  RemeshResult result;                            ///< of the shells that were remeshed; `source` refers to `remeshed`
-  TriangleMesh<double> remeshed;                  ///< those shells
-  Index passed_shells = 0, passed_triangles = 0;  ///< too small, or failed
+  RemeshResult result;            ///< its quads; `source` refers to `remeshed`
+  TriangleMesh<double> remeshed;  ///< the shells that have some
+  std::vector<GltfShell> shells;
+  Index triangles = 0;                            ///< that are in no quad
+  Index strayed = 0;                              ///< shells beyond `most_edges_off`
+  Index passed_shells = 0, passed_triangles = 0;  ///< without a quad
   std::vector<GltfFailure> failures;
   Index seam_edges = 0, snapped_edges = 0;             ///< of quads, between regions; of those, on a seam
   Index written_vertices = 0, written_primitives = 0;  ///< vertices count once more along seams

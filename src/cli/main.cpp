@@ -70,7 +70,8 @@ constexpr const char* examples = R"(Examples:
 
 Exit codes: 0 done, 1 internal error, 2 bad option, 3 file not readable or writable, 4 unusable input,
 5 not supported, 6 numeric failure, 7 a stage found no valid result, 8 cancelled, 9 done, but parts of a glTF
-file could not be remeshed and stay as they were, 10 out of memory or above --memory, 12 above --time-limit.
+file stay as they were or stray too far, or its count is missed, 10 out of memory or above --memory,
+12 above --time-limit.
 Nothing is written unless everything is.)";
 
 int run(int argc, char** argv) {

@@ -18,6 +18,8 @@ struct RemeshCommand {
   std::vector<Index> quads;
   GltfSelection selection;
   bool source_map = false, seams = true, force = false;
+  std::string topology = "best";
+  double max_error = GltfRemeshOptions{}.most_edges_off;
   std::vector<std::string> keep;
   [[nodiscard]] bool keeps(std::string_view what) const {
     return std::find(keep.begin(), keep.end(), what) != keep.end();
@@ -53,6 +55,8 @@ Json options_json(const RemeshCommand& o) {
     json["all"] = o.selection.unskinned;
     json["source_map"] = o.source_map;
     json["seams"] = o.seams;
+    json["topology"] = o.topology;
+    json["max_error"] = o.max_error;
   }
   const PrepareOptions& prepare = o.input.load.prepare;
   json["weld"] = prepare.weld == Weld::never ? "never" : prepare.weld == Weld::all ? "all" : "seams";
@@ -82,9 +86,11 @@ Status remesh_files(RemeshCommand options, Session& session) {
     return Error{ErrorCode::bad_option, "a glTF file has its rig and weights within", input.files.mesh.string(),
                  "leave out --rig, --weights and --weights-out"};
   if (!gltf && (!options.quads_out.empty() || options.poses != "bends" || options.source_map ||
-                options.selection.unskinned || !options.selection.names.empty() || !options.seams))
+                options.selection.unskinned || !options.selection.names.empty() || !options.seams ||
+                options.topology != "best" || options.max_error != GltfRemeshOptions{}.most_edges_off))
     return Error{ErrorCode::bad_option,
-                 "--quads-out, --poses, --select, --all, --source-map and --no-seams are for glTF files",
+                 "--quads-out, --poses, --select, --all, --source-map, --no-seams, --topology and --max-error are for "
+                 "glTF files",
                  input.files.mesh.string(), "leave them out"};
   if (!options.quads_out.empty() && options.quads_out.extension() != ".obj")
     return Error{ErrorCode::bad_option, "quads can only be written as OBJ", options.quads_out.string(),
@@ -136,6 +142,10 @@ Status remesh_files(RemeshCommand options, Session& session) {
     job.options.pose_source = options.poses == "clips" ? GltfPoses::clips : GltfPoses::bends;
     job.options.source_map = options.source_map;
     job.options.snap_seams = options.seams;
+    // The thesis's method is that of a field.
+    const bool field = options.topology == "field" || options.remesh.preset == FieldPreset::thesis;
+    job.options.topology = field ? GltfTopology::field : GltfTopology::best;
+    job.options.most_edges_off = options.max_error;
     job.options.keep_materials = options.keeps("materials");
     job.options.keep_textures = options.keeps("textures");
     job.options_json = options_json(options);
@@ -241,7 +251,7 @@ void add_remesh(CLI::App& app, Run& run) {
   auto options = std::make_shared<RemeshCommand>();
   RemeshOptions& remesh = options->remesh;
   CLI::App* verb = app.add_subcommand("remesh", "Quads that follow the rig, with the rig's weights");
-  add_input(*verb, options->input, ".obj, .off or .ply, or a glTF file: .glb or .gltf");
+  add_input(*verb, options->input, ".obj, .off or .ply, or a glTF file: .glb, .gltf or .vrm");
   verb->add_option("--quads", options->quads, "How many quads; of a glTF file several, one file a level of detail")
       ->required()
       ->delimiter(',')
@@ -249,7 +259,7 @@ void add_remesh(CLI::App& app, Run& run) {
       ->type_name("N[,N…]");
   verb->add_option("-o,--output", options->output, "The quads; of a glTF file the whole file")
       ->required()
-      ->type_name("OUT.obj|.glb|.gltf");
+      ->type_name("OUT.obj|.glb|.gltf|.vrm");
   verb->add_option("--quads-out", options->quads_out, "The quads of a glTF file alone")->type_name("Q.obj");
   verb->add_option(
           "--map-out", options->map_out,
@@ -335,6 +345,19 @@ void add_remesh(CLI::App& app, Run& run) {
 
   add_force(*verb, options->force);
   verb->get_option("--force")->group(parts);
+  verb->add_option("--topology", options->topology,
+                   "best: of each shell what lies nearest, the input's own quads with fewer rows or quads of a field; "
+                   "field: quads of a field wherever there is room")
+      ->check(CLI::IsMember({"best", "field"}))
+      ->option_text("best|field = best")
+      ->group(parts);
+  verb->add_option("--max-error", options->max_error,
+                   "Farther from the input than this many edges of its quads a shell is told, and the exit code is 9; "
+                   "0: none")
+      ->check(CLI::NonNegativeNumber)
+      ->capture_default_str()
+      ->type_name("EDGES")
+      ->group(parts);
 
   const std::string expert = "For experts";
   verb->add_option("--count-tolerance", remesh.count_tolerance, "How far off the count may be")

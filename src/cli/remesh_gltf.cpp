@@ -1,6 +1,8 @@
 // quadrig remesh of a glTF file: its surfaces become quads, all else stays.
 #include "remesh_gltf.hpp"
 
+#include <fstream>
+
 namespace quadrig::cli {
 namespace {
 
@@ -27,7 +29,9 @@ RemeshReport together(std::span<const GltfRemeshed> all, const RemeshOptions& op
     }
   }
   if (sum.quads > 0) sum.scaled_jacobian_average /= sum.quads;
-  if (sum.quads > options.quads * (1 + options.count_tolerance)) sum.minimum_count = sum.quads;
+  Index triangles = 0;
+  for (const GltfRemeshed& one : all) triangles += one.triangles;
+  if (2 * sum.quads + triangles > 2 * options.quads * (1 + options.count_tolerance)) sum.minimum_count = sum.quads;
   return sum;
 }
 
@@ -66,12 +70,27 @@ Json surfaces_json(std::span<const GltfRemeshed> all) {
     Json failures = Json::array();
     for (const GltfFailure& failure : one.failures)
       failures.push_back({{"part", failure.part}, {"reason", failure.reason.message()}});
+    Json shells = Json::array();
+    for (const GltfShell& shell : one.shells)
+      shells.push_back({{"part", shell.part},
+                        {"make", gltf_make_name(shell.make)},
+                        {"input_triangles", shell.input_triangles},
+                        {"due", shell.due},
+                        {"quads", shell.quads},
+                        {"triangles", shell.triangles},
+                        {"edge", shell.edge},
+                        {"rms", shell.rms},
+                        {"mean", shell.mean},
+                        {"largest", shell.largest}});
     const Index skin = one.surface.skin;
     surfaces.push_back({{"skin", skin == no_index ? Json(nullptr) : Json(skin)},
                         {"meshes", one.surface.meshes},
                         {"name", one.surface.name},
                         {"joints", joints_of(one)},
                         {"quads", one.result.report.quads},
+                        {"triangles", one.triangles},
+                        {"strayed", one.strayed},
+                        {"shells", shells},
                         {"passed_shells", one.passed_shells},
                         {"passed_triangles", one.passed_triangles},
                         {"failures", failures},
@@ -106,17 +125,34 @@ QuadMesh joined(std::span<const GltfRemeshed> all) {
 
 }  // namespace
 
-bool is_gltf(const std::filesystem::path& path) { return gltf_container(path).has_value(); }
+bool is_gltf(const std::filesystem::path& path) {
+  if (gltf_container(path)) return true;
+  char magic[4] = {};
+  std::ifstream file(path, std::ios::binary);
+  return file.read(magic, 4) && std::string_view(magic, 4) == "glTF";
+}
 
 namespace {
 
 /// One level of detail: adds its outputs to `files` and its line for people to `lines`.
-Status add_level(const GltfJob& job, GltfDocument document, double read_seconds, std::span<const Warning> read_warnings,
-                 FileSet& files, std::string& lines, Session& session) {
+/// \param triangles of the level before where that was to have no fewer quads, else 0; then those of this one
+Status add_level(const GltfJob& job, const GltfDocument& input, double read_seconds,
+                 std::span<const Warning> read_warnings, FileSet& files, std::string& lines, Index& triangles,
+                 Session& session) {
   const Stopwatch watch;
   const std::size_t warned = session.context.warnings.size();
-  const Expected<std::vector<GltfRemeshed>> all = remesh_gltf(document, job.options, session.context);
+  GltfDocument document = input.copy();
+  Expected<std::vector<GltfRemeshed>> all = remesh_gltf(document, job.options, session.context);
+  // Rows come and go by many quads: a level that came out finer than the one before is asked for fewer.
+  GltfRemeshOptions fewer = job.options;
+  for (int again = 0; all && triangles > 0 && gltf_triangle_count(document) > triangles && again < 4; ++again) {
+    fewer.remesh.quads = std::max<Index>(6, fewer.remesh.quads - fewer.remesh.quads / 20 - 1);
+    session.context.warnings.resize(warned);
+    document = input.copy();
+    all = remesh_gltf(document, fewer, session.context);
+  }
   if (!all) return all.error();
+  triangles = gltf_triangle_count(document);
   RemeshReport sum = together(*all, job.options.remesh);
   sum.seconds.total = watch.seconds();
   if (Status status = document.add_to(files, job.output, session.context); !status) return status;
@@ -132,24 +168,36 @@ Status add_level(const GltfJob& job, GltfDocument document, double read_seconds,
     warnings.insert(warnings.end(), session.context.warnings.begin() + static_cast<std::ptrdiff_t>(warned),
                     session.context.warnings.end());
     add_remesh_figures(report, sum, read_seconds, warnings);
+    report["triangles"] = triangles;
     report["surfaces"] = surfaces_json(*all);
     if (Status status = files.add(job.report, report_text(report)); !status) return status;
   }
-  Index passed = 0;
+  Index left = 0, strayed = 0;
+  const GltfShell* farthest = nullptr;
   std::size_t failed = 0;
   for (const GltfRemeshed& one : *all) {
-    passed += one.passed_shells;
+    left += one.triangles;
+    for (const GltfShell& shell : one.shells)
+      if (shell.edge > 0 && (!farthest || shell.largest * farthest->edge > farthest->largest * shell.edge))
+        farthest = &shell;
+    strayed += one.strayed;
     failed += one.failures.size();
   }
-  lines +=
-      (lines.empty() ? "" : "\n") + job.output.string() + ": " + std::to_string(sum.quads) + " quads, " +
-      std::to_string(sum.irregular) + " irregular vertices, scaled Jacobian " +
-      decimals(sum.scaled_jacobian_average, 3) + " on average and " + decimals(sum.scaled_jacobian_minimum, 3) +
-      " at least, " + decimals(read_seconds + watch.seconds(), 2) + " s" +
-      (passed > 0 ? "; " + std::to_string(passed) + (passed == 1 ? " shell left as it is" : " shells left as they are")
-                  : "") +
-      (failed > 0 ? "; " + std::to_string(failed) + (failed == 1 ? " part failed" : " parts failed") : "");
-  session.in_part = session.in_part || failed > 0;
+  const double wanted = 2.0 * job.options.remesh.quads, got = 2.0 * sum.quads + left;
+  lines += (lines.empty() ? "" : "\n") + job.output.string() + ": " + std::to_string(sum.quads) + " quads, " +
+           (left > 0 ? std::to_string(left) + (left == 1 ? " triangle left, " : " triangles left, ") : "") +
+           std::to_string(triangles) + " triangles in all, " + std::to_string(sum.irregular) +
+           " irregular vertices, scaled Jacobian " + decimals(sum.scaled_jacobian_average, 3) + " on average and " +
+           decimals(sum.scaled_jacobian_minimum, 3) + " at least, " + decimals(read_seconds + watch.seconds(), 2) +
+           " s" +
+           (farthest && farthest->largest > 0
+                ? "; farthest from the input by " + decimals(farthest->largest / farthest->edge, 1) +
+                      " edges: " + farthest->part
+                : "") +
+           (strayed > 0 ? "; " + std::to_string(strayed) + (strayed == 1 ? " shell strays" : " shells stray") : "") +
+           (failed > 0 ? "; " + std::to_string(failed) + (failed == 1 ? " part failed" : " parts failed") : "");
+  session.in_part = session.in_part || failed > 0 || strayed > 0 ||
+                    std::abs(got - wanted) > job.options.remesh.count_tolerance * wanted;
   return {};
 }
 
@@ -187,10 +235,12 @@ Status remesh_gltf_file(const GltfJob& job, Session& session) {
   for (const GltfJob& level : levels)
     if (Status status = document->declare(files, level.output); !status) return status;
   std::string lines;
+  Index triangles = 0;
   for (std::size_t k = 0; k < levels.size(); ++k) {
     const double part = 1 / static_cast<double>(levels.size()), begun = part * static_cast<double>(k);
     const ProgressPart progress(session.context, begun, begun + part);
-    if (Status status = add_level(levels[k], document->copy(), read_seconds, read_warnings, files, lines, session);
+    if (k > 0 && job.quads[k] > job.quads[k - 1]) triangles = 0;
+    if (Status status = add_level(levels[k], *document, read_seconds, read_warnings, files, lines, triangles, session);
         !status)
       return status;
   }

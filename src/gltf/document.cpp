@@ -113,10 +113,10 @@ using gltf::Json;
 Expected<GltfContainer> gltf_container(const std::filesystem::path& path) {
   std::string extension = path.extension().string();
   for (char& c : extension) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-  if (extension == ".glb") return GltfContainer::binary;
+  if (extension == ".glb" || extension == ".vrm") return GltfContainer::binary;
   if (extension == ".gltf") return GltfContainer::json;
   return Error{ErrorCode::unsupported, io::shown(extension) + " is not a glTF file", path.string(),
-               "name a .glb or .gltf file"};
+               "name a .glb, .gltf or .vrm file"};
 }
 
 Expected<GltfDocument> GltfDocument::read(const std::filesystem::path& path, const GltfLimits& limits,

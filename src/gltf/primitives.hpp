@@ -26,6 +26,12 @@ class PrimitiveBuilder {
     triangle(a, c, d);
     ++quads_;
   }
+  /// The same of two halves that may have vertices of their own.
+  void quad(const std::array<Index, 3>& first, const std::array<Index, 3>& second) {
+    triangle(first[0], first[1], first[2]);
+    triangle(second[0], second[1], second[2]);
+    ++quads_;
+  }
   /// Tangents of all vertices and of morph targets that have some; a vertex with several is made several.
   void make_tangents(const Gathered& gathered, const Primitive& primitive);
 

@@ -1,230 +1,150 @@
 // Surfaces into quads, and back into their file.
 #include <algorithm>
 #include <map>
+#include <numeric>
 
-#include "primitives.hpp"
-#include "regions.hpp"
+#include "assemble.hpp"
 #include "roots.hpp"
-#include "shells.hpp"
 
 namespace quadrig {
 namespace gltf {
 namespace {
 
-std::vector<std::pair<Index, double>> strongest(const SkinWeights& weights, Index row, Index influences) {
-  std::vector<std::pair<Index, double>> own;
-  for (SkinWeights::InnerIterator it(weights, row); it; ++it)
-    if (it.value() > 0) own.emplace_back(static_cast<Index>(it.col()), it.value());
-  std::sort(own.begin(), own.end(), [](const auto& a, const auto& b) {
-    return a.second != b.second ? a.second > b.second : a.first < b.first;
-  });
-  if (own.size() > at(influences)) own.resize(at(influences));
-  double sum = 0;
-  for (const auto& entry : own) sum += entry.second;
-  for (auto& entry : own) entry.second /= sum;
-  return own;
-}
-
-/// Unit normals of the quads' vertices: of the faces around them, by area.
-Points<double> smooth_normals(const QuadMesh& mesh, const Points<double>& positions) {
-  Points<double> normals = Points<double>::Zero(mesh.vertex_count(), 3);
-  for (Index q = 0; q < mesh.quad_count(); ++q) {
-    Vector3 p[4];
-    for (int i = 0; i < 4; ++i) p[i] = positions.row(mesh.quads(q, i)).transpose();
-    const Vector3 n = (p[2] - p[0]).cross(p[3] - p[1]);
-    for (int i = 0; i < 4; ++i) normals.row(mesh.quads(q, i)) += n.transpose();
+/// Quads of a field put behind those of other shells; `source` refers to the surface then.
+void append(RemeshResult& all, const FieldQuads& field) {
+  const Index vertices = all.mesh.vertex_count(), quads = all.mesh.quad_count();
+  const QuadMesh& own = field.result.mesh;
+  all.mesh.positions.conservativeResize(vertices + own.vertex_count(), 3);
+  all.mesh.positions.bottomRows(own.vertex_count()) = own.positions;
+  all.mesh.quads.conservativeResize(quads + own.quad_count(), 4);
+  all.mesh.quads.bottomRows(own.quad_count()) = own.quads.array() + vertices;
+  for (const SurfacePoint& point : own.source)
+    all.mesh.source.push_back({field.faces[at(point.face)], point.barycentric});
+  const RemeshReport& report = field.result.report;
+  if (all.report.components.empty() || report.quads > all.report.quads) {
+    all.report.field = report.field;
+    all.report.backends = report.backends;
   }
-  for (Index v = 0; v < mesh.vertex_count(); ++v) {
-    const double length = normals.row(v).norm();
-    if (length > 0)
-      normals.row(v) /= length;
-    else
-      normals.row(v) = Vector3::UnitZ().transpose();
-  }
-  return normals;
+  all.report.quads += report.quads;
+  all.report.irregular += report.irregular;
+  all.report.valid = all.report.valid && report.valid;
+  all.report.components.insert(all.report.components.end(), report.components.begin(), report.components.end());
+  all.report.warnings.insert(all.report.warnings.end(), report.warnings.begin(), report.warnings.end());
+  all.report.seconds += report.seconds;
 }
 
-/// The corner that both triangles of a quad begin with: of the diagonal that folds neither half over the other, the
-/// shorter where both do not.
-int first_corner(const QuadMesh& mesh, Index q) {
-  Vector3 p[4];
-  for (int i = 0; i < 4; ++i) p[i] = mesh.positions.row(mesh.quads(q, i)).transpose();
-  const auto fold = [&](int i) {
-    const Vector3 &a = p[i], &b = p[(i + 1) % 4], &c = p[(i + 2) % 4], &d = p[(i + 3) % 4];
-    return (b - a).cross(c - a).dot((c - a).cross(d - a)) <= 0;
-  };
-  if (fold(0) != fold(1)) return fold(0) ? 1 : 0;
-  return (p[0] - p[2]).squaredNorm() <= (p[1] - p[3]).squaredNorm() ? 0 : 1;
-}
-
-/// A surface on its way through.
-struct Job {
-  Gathered gathered;
-  std::vector<Index> source_face;
-  std::vector<PrimitiveBuilder> builders;
-  std::vector<Index> primitive_number;  ///< of each primitive of the surface, counted over all meshes of the file
-};
-
-/// Where a point of the prepared surface lies on the input: primitive, triangle, and the second and third of its
-/// barycentric coordinates there.
-Eigen::Vector4d source_of(const Job& job, Index face, const Vector3& p) {
-  const Gathered& gathered = job.gathered;
-  const Index t = gathered.source_triangle[at(face)];
-  Vector3 corner[3];
-  for (int i = 0; i < 3; ++i) corner[i] = gathered.positions.row(gathered.triangles(t, i)).transpose();
-  const SurfaceHit hit = closest_on_triangle(p, corner[0], corner[1], corner[2]);
-  return {static_cast<double>(job.primitive_number[at(gathered.triangle_primitive[at(t)])]),
-          static_cast<double>(gathered.triangle_number[at(t)]), hit.barycentric[1], hit.barycentric[2]};
-}
-
-/// How the normals of the quads' vertices change with each morph target that has normals: made anew, as the normals
-/// are.
-struct MorphNormals {
-  std::vector<std::pair<Eigen::Index, Points<double>>> changes;  ///< first column, n×3
-
-  MorphNormals(const Gathered& gathered, const QuadMesh& quads, const Points<double>& normals, Regions& regions) {
-    for (const Attribute& attribute : gathered.attributes) {
-      if (attribute.target == Attribute::no_target || attribute.name != "NORMAL") continue;
-      Eigen::Index offset = -1;
-      for (const Attribute& other : gathered.attributes)
-        if (other.target == attribute.target && other.name == "POSITION") offset = other.first;
-      Points<double> moved = quads.positions;
-      for (Index v = 0; v < quads.vertex_count(); ++v)
-        moved.row(v) += regions.values_at(quads.source[at(v)]).segment<3>(offset).transpose();
-      changes.emplace_back(attribute.first, smooth_normals(quads, moved) - normals);
+/// The quads among polygons of the surface's own vertices, likewise.
+void append(RemeshResult& all, const TriangleMesh<double>& mesh, const std::vector<Polygon>& polygons) {
+  std::map<Index, Index> number;
+  const Index vertices = all.mesh.vertex_count();
+  std::vector<std::array<Index, 4>> quads;
+  for (const Polygon& p : polygons) {
+    if (p.size() != 4) continue;
+    std::array<Index, 4>& quad = quads.emplace_back();
+    for (std::size_t i = 0; i < 4; ++i) {
+      const auto [place, is_new] = number.try_emplace(p.vertex[i], vertices + static_cast<Index>(number.size()));
+      quad[i] = place->second;
+      if (!is_new) continue;
+      const Index h = mesh.outgoing(p.vertex[i]);
+      all.mesh.source.push_back({h / 3, Vector3::Unit(h % 3)});
     }
   }
-  void put(Index v, Eigen::VectorXd& values) const {
-    for (const auto& [first, change] : changes) values.segment<3>(first) = change.row(v).transpose();
-  }
-};
-
-/// What each morph target does to the position of a vertex: once a vertex and mesh, whatever the side of a seam, so
-/// that vertices doubled there move as one.
-class MorphPositions {
- public:
-  MorphPositions(const Job& job, const QuadMesh& quads, Regions& regions)
-      : job_(job), quads_(quads), regions_(regions) {
-    for (const Attribute& a : job.gathered.attributes)
-      if (a.target != Attribute::no_target && a.name == "POSITION") columns_.push_back(a.first);
-  }
-  /// \param values what the vertex has in that primitive; their displacements are set
-  void put(Index v, Index primitive, Eigen::VectorXd& values) {
-    if (columns_.empty()) return;
-    const auto mesh_of = [&](Index number) { return job_.gathered.primitives[at(number)].mesh; };
-    const SurfacePoint& source = quads_.source[at(v)];
-    const Index below = job_.gathered.surface.source_primitive[at(job_.source_face[at(source.face)])];
-    const std::size_t mesh = mesh_of(primitive);
-    const auto [place, is_new] = known_.try_emplace({mesh, v}, columns_.size());
-    std::vector<Vector3>& moved = place->second;
-    // Targets of another mesh are others: of a vertex that lies on one, what its own side of the border has counts.
-    if (is_new) {
-      const Eigen::VectorXd own = mesh_of(below) == mesh ? regions_.values_at(source) : values;
-      for (std::size_t k = 0; k < columns_.size(); ++k) moved[k] = own.segment<3>(columns_[k]);
-    }
-    for (std::size_t k = 0; k < columns_.size(); ++k) values.segment<3>(columns_[k]) = moved[k];
-  }
-
- private:
-  const Job& job_;
-  const QuadMesh& quads_;
-  Regions& regions_;
-  std::vector<Eigen::Index> columns_;
-  std::map<std::pair<std::size_t, Index>, std::vector<Vector3>> known_;
-};
-
-void add_quads(Job& job, const GltfRemeshed& done, Index influences) {
-  const QuadMesh& quads = done.result.mesh;
-  Regions regions(job.gathered, done.remeshed, job.source_face);
-  const Points<double> normals = smooth_normals(quads, quads.positions);
-  const MorphNormals morphs(job.gathered, quads, normals, regions);
-  MorphPositions displacements(job, quads, regions);
-  // Values that a vertex has in a primitive: more than one where a seam runs through it.
-  std::map<std::pair<Index, Index>, std::vector<Eigen::VectorXd>> variants;
-  for (Index q = 0; q < quads.quad_count(); ++q) {
-    const Regions::QuadValues values = regions.of_quad(quads, q);
-    PrimitiveBuilder& builder = job.builders[at(values.primitive)];
-    std::array<Index, 4> corner{};
-    const int first = first_corner(quads, q);
-    for (int i = 0; i < 4; ++i) {
-      const int from = (first + i) % 4;
-      const Index v = quads.quads(q, from);
-      const Eigen::VectorXd& own = values.corners[static_cast<std::size_t>(from)];
-      std::vector<Eigen::VectorXd>& known = variants[{values.primitive, v}];
-      std::size_t variant = 0;
-      while (variant < known.size() && !regions.alike(known[variant], own)) ++variant;
-      if (variant == known.size()) known.push_back(own);
-      const std::uint64_t key = static_cast<std::uint64_t>(variant) << 32 | static_cast<std::uint32_t>(v);
-      corner[static_cast<std::size_t>(i)] = builder.vertex(key, [&] {
-        const Vector3 p = quads.positions.row(v).transpose();
-        PrimitiveBuilder::Vertex made{p, normals.row(v).transpose(), own, {}, {}};
-        displacements.put(v, values.primitive, made.values);
-        morphs.put(v, made.values);
-        made.source = source_of(job, job.source_face[at(quads.source[at(v)].face)], p);
-        if (done.result.weights) made.weights = strongest(*done.result.weights, v, influences);
-        return made;
-      });
-    }
-    builder.quad(corner[0], corner[1], corner[2], corner[3]);
-  }
+  all.mesh.positions.conservativeResize(vertices + static_cast<Eigen::Index>(number.size()), 3);
+  for (const auto& [v, n] : number) all.mesh.positions.row(n) = mesh.positions().row(v);
+  const Eigen::Index first = all.mesh.quads.rows();
+  all.mesh.quads.conservativeResize(first + static_cast<Eigen::Index>(quads.size()), 4);
+  for (std::size_t q = 0; q < quads.size(); ++q)
+    for (std::size_t i = 0; i < 4; ++i)
+      all.mesh.quads(first + static_cast<Eigen::Index>(q), static_cast<Eigen::Index>(i)) = quads[q][i];
+  Index irregular = 0;
+  static_cast<void>(irregular_share(polygons, irregular));
+  all.report.irregular += irregular;
+  all.report.quads += static_cast<Index>(quads.size());
 }
 
-/// Shells that stay as they are: their triangles with their own vertices and, where the file has them, normals.
-void add_passed(Job& job, const Shells& shells, Index influences) {
-  const Gathered& gathered = job.gathered;
-  const GltfSurface& surface = gathered.surface;
-  const TriangleMesh<double>& mesh = surface.asset.mesh;
-  Points<double> normals = Points<double>::Zero(mesh.vertex_count(), 3);
-  for (Index f = 0; f < mesh.face_count(); ++f)
-    for (int i = 0; i < 3; ++i) normals.row(mesh.faces()(f, i)) += mesh.area(f) * mesh.normals().row(f);
-  for (Index f = 0; f < mesh.face_count(); ++f) {
-    if (shells.kept[at(shells.components.of_face[at(f)])]) continue;
-    const Index number = surface.source_primitive[at(f)];
-    const Primitive& primitive = gathered.primitives[at(number)];
-    std::array<Index, 3> corner{};
-    for (int i = 0; i < 3; ++i) {
-      const Index v = mesh.faces()(f, i), source = gathered.corner_vertex[at(3 * f + i)];
-      // Keys of the quads are small; these begin at 2^63.
-      const std::uint64_t key =
-          std::uint64_t{1} << 63 | static_cast<std::uint64_t>(v) << 31 | static_cast<std::uint64_t>(source);
-      corner[static_cast<std::size_t>(i)] = job.builders[at(number)].vertex(key, [&] {
-        PrimitiveBuilder::Vertex made{mesh.position(v),
-                                      normals.row(v).transpose(),
-                                      gathered.values.row(source).transpose(),
-                                      {},
-                                      source_of(job, f, mesh.position(v))};
-        if (surface.asset.rig) made.weights = strongest(surface.asset.rig->weights, v, influences);
-        for (const std::size_t a : primitive.attributes)
-          if (gathered.attributes[a].name == "NORMAL" && gathered.attributes[a].target == Attribute::no_target &&
-              gathered.attributes[a].width == 3)
-            made.normal = made.values.segment<3>(gathered.attributes[a].first);
-        const double length = made.normal.norm();
-        made.normal = length > 0 && std::isfinite(length) ? Vector3(made.normal / length) : Vector3::UnitZ();
-        return made;
-      });
-    }
-    job.builders[at(number)].triangle(corner[0], corner[1], corner[2]);
+/// Weights of all vertices of the quads: those of their places on the surface, but for a field's, which are given.
+void set_weights(RemeshResult& all, const Asset& asset, const std::vector<const SkinWeights*>& fields) {
+  if (!asset.rig) return;
+  std::vector<Eigen::Triplet<double, Index>> entries;
+  Index row = 0;
+  for (const SkinWeights* own : fields) {
+    for (Index v = 0; v < own->rows(); ++v)
+      for (SkinWeights::InnerIterator it(*own, v); it; ++it)
+        entries.emplace_back(row + v, static_cast<Index>(it.col()), it.value());
+    row += static_cast<Index>(own->rows());
   }
+  const std::span<const SurfacePoint> rest = std::span(all.mesh.source).subspan(at(row));
+  const SkinWeights others = interpolate(asset.mesh, asset.rig->weights, rest);
+  for (Index v = 0; v < others.rows(); ++v)
+    for (SkinWeights::InnerIterator it(others, v); it; ++it)
+      entries.emplace_back(row + v, static_cast<Index>(it.col()), it.value());
+  all.weights.emplace(all.mesh.vertex_count(), static_cast<Index>(asset.rig->weights.cols()));
+  all.weights->setFromTriplets(entries.begin(), entries.end());
 }
 
-/// The primitives of the surface's meshes, replaced. A primitive that no quad fell to is left out, unless its mesh
-/// would be left without any.
-void write_back(State& state, const Job& job, GltfRemeshed& done, bool source_map, Context& context) {
+/// What came of all shells of a surface, in one result.
+void collect(Job& job, const Shells& shells, GltfRemeshed& done, Index influences) {
+  const Asset& asset = job.gathered.surface.asset;
+  RemeshResult& result = done.result;
+  result.report.valid = true;
+  std::vector<const SkinWeights*> weights;
+  result.mesh.positions.resize(0, 3);
+  result.mesh.quads.resize(0, 4);
+  for (const Shell& shell : shells.list) {
+    if (!shell.field) continue;
+    append(result, *shell.field);
+    if (shell.field->result.weights) weights.push_back(&*shell.field->result.weights);
+    done.seam_edges += shell.field->seam_edges;
+    done.snapped_edges += shell.field->snapped_edges;
+  }
+  if (asset.rig) set_weights(result, asset, weights);
+  add_field(job, result, influences);
+  for (const bool quads : {true, false})
+    for (const Shell& shell : shells.list)
+      if (!shell.field) add_polygons(job, shells, shell, quads, influences);
+  for (const Shell& shell : shells.list) {
+    if (!shell.field) append(result, asset.mesh, shell.polygons);
+    GltfShell& told = done.shells.emplace_back();
+    told.part = shell_label(job.gathered, shells, shell);
+    told.make = shell.make;
+    told.input_triangles = shell.own();
+    told.due = shell.due;
+    for (const Polygon& p : shell.polygons) told.quads += p.size() == 4;
+    if (shell.field) told.quads = shell.field->result.mesh.quad_count();
+    told.triangles = shell.triangles() - 2 * told.quads;
+    told.rms = shell.apart.rms;
+    told.mean = shell.apart.mean;
+    told.largest = shell.apart.largest;
+    double area = 0;
+    for (const Index f : shell.faces) area += asset.mesh.area(f);
+    told.edge = std::sqrt(2 * area / std::max<Index>(1, shell.triangles()));
+    done.triangles += told.triangles;
+    if (told.quads > 0) continue;
+    ++done.passed_shells;
+    done.passed_triangles += told.triangles;
+  }
+  if (asset.rig) set_weights(result, asset, weights);
+  RemeshReport& report = result.report;
+  report.vertices = result.mesh.vertex_count();
+  report.scaled_jacobian_minimum = 1;
+  for (Index q = 0; q < result.mesh.quad_count(); ++q) {
+    const double jacobian = scaled_jacobian(result.mesh.positions, result.mesh.quads.row(q));
+    report.scaled_jacobian_average += jacobian / result.mesh.quad_count();
+    report.scaled_jacobian_minimum = std::min(report.scaled_jacobian_minimum, jacobian);
+  }
+  report.valid = report.valid && report.scaled_jacobian_minimum > 0;
+  done.remeshed = asset.mesh;
+}
+
+/// The primitives of the surface's meshes, replaced. One of which nothing could be read stays as it is.
+void write_back(State& state, const Job& job, GltfRemeshed& done, bool source_map) {
   const Gathered& gathered = job.gathered;
   for (const Index m : gathered.surface.meshes) {
     Json& primitives = state.json["meshes"][at(m)]["primitives"];
     std::vector<std::size_t> builder_of(primitives.size(), static_cast<std::size_t>(-1));
-    bool any = false;
     for (std::size_t p = 0; p < gathered.primitives.size(); ++p)
-      if (gathered.primitives[p].mesh == at(m)) {
+      if (gathered.primitives[p].mesh == at(m) && !job.builders[p].empty())
         builder_of[gathered.primitives[p].number] = p;
-        any = any || !job.builders[p].empty();
-      }
-    for (const std::size_t builder : builder_of) any = any || builder == static_cast<std::size_t>(-1);
-    if (!any) {
-      context.warn("gltf", numbered("meshes", at(m)) + " is smaller than a quad and stays as it is");
-      continue;
-    }
     Json kept = Json::array();
     for (std::size_t k = 0; k < builder_of.size(); ++k) {
       if (builder_of[k] == static_cast<std::size_t>(-1)) {
@@ -232,11 +152,6 @@ void write_back(State& state, const Job& job, GltfRemeshed& done, bool source_ma
         continue;
       }
       const PrimitiveBuilder& builder = job.builders[builder_of[k]];
-      if (builder.empty()) {
-        context.warn("gltf", numbered("meshes", at(m)) + "." + numbered("primitives", k) +
-                                 " is smaller than a quad and is left out");
-        continue;
-      }
       const Json old = primitives[k];
       kept.push_back(builder.write(state, old, gathered, gathered.primitives[builder_of[k]], source_map));
       done.written_vertices += builder.vertex_count();
@@ -302,9 +217,34 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
     if (options.remesh.preset == FieldPreset::thesis)
       return Error{ErrorCode::bad_option, "the thesis preset needs a rig", "preset", "use the static one"};
   }
-  std::vector<gltf::Shells> shells = gltf::choose_shells(*gathered, options);
-  double whole = 0, begun = 0;
-  for (const gltf::Shells& one : shells) whole += one.kept_area;
+  if (options.pose_source == GltfPoses::clips || options.remesh.preset == FieldPreset::thesis ||
+      options.remesh.group_borders)
+    for (const gltf::Gathered& one : *gathered) {
+      if (one.failure) continue;
+      const auto tell = [&](const std::string& text) { context.warn("gltf", one.surface.label() + ": " + text); };
+      const std::optional<Rig>& rig = one.surface.asset.rig;
+      if (!rig && options.remesh.preset == FieldPreset::thesis)
+        tell("has no rig, which the thesis preset needs: made by the static one");
+      if (!rig && options.remesh.group_borders) tell("has no rig, so no borders of vertex groups are kept");
+      if (rig && options.pose_source == GltfPoses::clips && rig->clips.empty())
+        tell("has no clips: every joint is bent instead");
+    }
+  context.progress("shares", 0);
+  if (context.cancelled()) return cancelled_error("gltf");
+  std::vector<gltf::Shells> shells;
+  double work = 0, begun = 0;
+  for (const gltf::Gathered& one : *gathered) {
+    if (one.failure) {
+      shells.emplace_back();
+      continue;
+    }
+    Expected<gltf::Shells> found = gltf::find_shells(one, options, context);
+    if (!found) return found.error();
+    shells.push_back(std::move(*found));
+  }
+  gltf::share_out(shells, 2.0 * options.remesh.quads, options);
+  for (const gltf::Shells& one : shells)
+    for (const gltf::Shell& shell : one.list) work += shell.due;
 
   std::vector<GltfRemeshed> all;
   std::vector<gltf::Job> jobs;
@@ -318,26 +258,25 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
     GltfRemeshed done;
     if (job.gathered.failure) {
       done.failures.push_back({job.gathered.surface.label(), *job.gathered.failure});
-    } else if (shells[s].kept_area > 0) {
-      const double quads = options.remesh.quads * shells[s].kept_area / whole;
+    } else {
       context.log(job.gathered.surface.label());
-      const ProgressPart progress(context, begun / whole, (begun + shells[s].kept_area) / whole);
-      begun += shells[s].kept_area;
-      if (Status status = gltf::remesh_shells(job.gathered, shells[s], quads, options, done, job.source_face, context);
-          !status)
-        return status.error();
-    }
-    for (const char kept : shells[s].kept) done.passed_shells += kept ? 0 : 1;
-    for (const Index c : shells[s].components.of_face) done.passed_triangles += shells[s].kept[at(c)] ? 0 : 1;
-    if (shells[s].keeps_any()) {
+      shells[s].wedges.emplace(job.gathered, shells[s].components);  // refers to what has moved
+      for (gltf::Shell& shell : shells[s].list) {
+        const ProgressPart progress(context, begun / work, (begun + shell.due) / work);
+        begun += shell.due;
+        context.progress("shells", 0);
+        if (context.cancelled()) return cancelled_error("gltf");
+        if (Status status = gltf::make_shell(job.gathered, shells[s], shell, options, context); !status)
+          return status.error();
+        if (shell.failure) done.failures.push_back({gltf::shell_label(job.gathered, shells[s], shell), *shell.failure});
+      }
       if (context.cancelled()) return cancelled_error("gltf");
-      gltf::add_quads(job, done, options.remesh.influences);
-      gltf::add_passed(job, shells[s], options.remesh.influences);
+      gltf::collect(job, shells[s], done, options.remesh.influences);
       for (std::size_t p = 0; p < job.builders.size(); ++p)
         if (job.gathered.primitives[p].tangents)
           job.builders[p].make_tangents(job.gathered, job.gathered.primitives[p]);
       if (context.cancelled()) return cancelled_error("gltf");
-      any = true;
+      any = any || done.result.report.quads > 0;
     }
     all.push_back(std::move(done));
     jobs.push_back(std::move(job));
@@ -349,6 +288,23 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
     for (const GltfFailure& failure : done.failures)
       context.warn("gltf", failure.part + " stays as it is: " + failure.reason.message());
 
+  for (std::size_t s = 0; s < all.size(); ++s)
+    for (std::size_t c = 0; c < all[s].shells.size(); ++c) {
+      const GltfShell& told = all[s].shells[c];
+      if (!(options.most_edges_off > 0 && told.largest > options.most_edges_off * told.edge)) continue;
+      ++all[s].strayed;
+      char far[32];
+      std::snprintf(far, sizeof far, "%.1f", told.largest / told.edge);
+      context.warn("gltf", told.part + " strays " + far +
+                               " edges of its quads from the input; ask for more quads, or allow it by max-error");
+    }
+  Index written = 0;
+  for (const GltfRemeshed& done : all) written += 2 * done.result.report.quads + done.triangles;
+  if (std::abs(written - 2.0 * options.remesh.quads) > 2 * options.remesh.count_tolerance * options.remesh.quads)
+    context.warn("gltf", "asked for " + std::to_string(options.remesh.quads) + " quads, which are " +
+                             std::to_string(2 * options.remesh.quads) + " triangles, the surfaces have " +
+                             std::to_string(written));
+
   // From here on nothing fails: the document is edited as a whole. A surface without a quad keeps its
   // primitives as they are.
   const std::set<std::size_t> before = gltf::referred_accessors(state);
@@ -356,7 +312,7 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
   const std::size_t first_new = gltf::array_of(state.json, "accessors").size(),
                     first_view = gltf::array_of(state.json, "bufferViews").size();
   for (std::size_t s = 0; s < jobs.size(); ++s) {
-    if (shells[s].keeps_any()) gltf::write_back(state, jobs[s], all[s], options.source_map, context);
+    if (all[s].result.report.quads > 0) gltf::write_back(state, jobs[s], all[s], options.source_map);
     const gltf::Gathered& gathered_one = jobs[s].gathered;
     const GltfRepairs& repairs = gathered_one.surface.repairs;
     if (repairs.bind_rows > 0 || repairs.singular_binds > 0)

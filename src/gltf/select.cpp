@@ -2,6 +2,7 @@
 #include "select.hpp"
 
 #include <regex>
+#include <utility>
 
 #include "io/scan.hpp"
 
@@ -28,6 +29,27 @@ struct Pattern {
     return same;
   }
 };
+
+/// Which meshes a joint of a skin, or a node below one, has: rigid parts of a character.
+std::vector<char> hung_on_joints(const State& state, std::size_t meshes) {
+  const Json& nodes = array_of(state.json, "nodes");
+  std::vector<char> seen(nodes.size(), 0), hung(meshes, 0);
+  std::vector<std::size_t> open;
+  const auto reach = [&](const Json& number) {
+    const auto node = whole(number);
+    if (node && *node < nodes.size() && !std::exchange(seen[*node], char{1})) open.push_back(*node);
+  };
+  for (const Json& skin : array_of(state.json, "skins"))
+    for (const Json& joint : array_of(skin, "joints")) reach(joint);
+  while (!open.empty()) {
+    const Json& node = nodes[open.back()];
+    open.pop_back();
+    const Json* mesh = member(node, "mesh");
+    if (const auto number = mesh ? whole(*mesh) : std::nullopt; number && *number < meshes) hung[*number] = 1;
+    for (const Json& child : array_of(node, "children")) reach(child);
+  }
+  return hung;
+}
 
 }  // namespace
 
@@ -70,8 +92,10 @@ Expected<Selector> Selector::create(const State& state, const GltfSelection& sel
     if (!patterns.empty() && named(node)) selector.mesh_[*number] = 1;
   }
   if (patterns.empty()) {
+    const std::vector<char> hung = hung_on_joints(state, meshes);
     for (std::size_t m = 0; m < meshes; ++m)
-      selector.mesh_[m] = skin_of_mesh[m] != no_skin || (in_scene[m] && (selection.unskinned || !any_skinned));
+      selector.mesh_[m] =
+          skin_of_mesh[m] != no_skin || (in_scene[m] && (selection.unskinned || !any_skinned || hung[m]));
     return selector;
   }
   const std::vector<char> skins = each("skins");

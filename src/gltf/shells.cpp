@@ -1,167 +1,122 @@
-// Shells chosen, remeshed, and left where they cannot be.
+// Shells, what they demand, and their shares.
 #include "shells.hpp"
 
-#include "quadrig/pipeline/piece.hpp"
-#include "seams.hpp"
+#include <algorithm>
+
+#include "quadrig/constraints/posed_metric.hpp"
+#include "quadrig/dominance.hpp"
+#include "quadrig/skinning.hpp"
 
 namespace quadrig::gltf {
-
-std::vector<Shells> choose_shells(const std::vector<Gathered>& all, const GltfRemeshOptions& options) {
-  std::vector<Shells> result;
-  double whole = 0;
-  for (const Gathered& one : all) {
-    const TriangleMesh<double>& mesh = one.surface.asset.mesh;
-    Shells shells;
-    shells.components = face_components(mesh);
-    shells.area.assign(at(shells.components.count), 0.0);
-    const double scale = one.surface.world_scale * one.surface.world_scale;
-    for (Index f = 0; f < mesh.face_count(); ++f)
-      shells.area[at(shells.components.of_face[at(f)])] += scale * mesh.area(f);
-    for (const double area : shells.area) whole += area;
-    shells.kept.assign(shells.area.size(), 0);
-    result.push_back(std::move(shells));
-  }
-  Shells* largest_of = nullptr;
-  std::size_t largest = 0;
-  bool any = false;
-  for (Shells& shells : result)
-    for (std::size_t c = 0; c < shells.area.size(); ++c) {
-      shells.kept[c] = options.remesh.quads * shells.area[c] >= options.least_shell_quads * whole;
-      any = any || shells.kept[c];
-      if (!largest_of || shells.area[c] > largest_of->area[largest]) largest_of = &shells, largest = c;
-    }
-  if (!any && largest_of) largest_of->kept[largest] = 1;
-  for (Shells& shells : result)
-    for (std::size_t c = 0; c < shells.area.size(); ++c)
-      if (shells.kept[c]) shells.kept_area += shells.area[c];
-  return result;
-}
-
-Asset kept_part(const GltfSurface& surface, const Shells& shells, std::vector<Index>& source_face) {
-  for (Index f = 0; f < surface.asset.mesh.face_count(); ++f)
-    if (shells.kept[at(shells.components.of_face[at(f)])]) source_face.push_back(f);
-  return quadrig::detail::make_piece(surface.asset, source_face).asset;
-}
-
 namespace {
 
-/// An error of one part alone: the rest of the file can go on.
-bool of_the_part(const Error& error) {
-  return error.code == ErrorCode::stage_failed || error.code == ErrorCode::numeric ||
-         error.code == ErrorCode::bad_input || error.code == ErrorCode::unsupported;
-}
+/// Fewer triangles close no shell that is worth looking at.
+constexpr double least_triangles = 4;
+/// From this many times its own triangles on, a file is made denser than it is.
+constexpr double denser = 1.25;
 
-/// "skins[0] 'body', shell 3 (meshes[1], 120 triangles)"
-std::string shell_label(const Gathered& gathered, const Shells& shells, std::size_t shell) {
-  Index triangles = 0, first = no_index;
-  for (std::size_t f = 0; f < shells.components.of_face.size(); ++f)
-    if (at(shells.components.of_face[f]) == shell) {
-      if (first == no_index) first = static_cast<Index>(f);
-      ++triangles;
-    }
-  const Primitive& primitive = gathered.primitives[at(gathered.surface.source_primitive[at(first)])];
-  return gathered.surface.label() + ", shell " + std::to_string(shell) + " (" + numbered("meshes", primitive.mesh) +
-         ", " + std::to_string(triangles) + " triangles)";
+/// At most `most` of the poses, evenly spread.
+std::vector<Pose> some_of(std::vector<Pose> poses, std::size_t most) {
+  if (poses.size() <= most) return poses;
+  std::vector<Pose> some;
+  for (std::size_t k = 0; k < most; ++k) some.push_back(std::move(poses[k * poses.size() / most]));
+  return some;
 }
 
 }  // namespace
 
-Status remesh_shells(const Gathered& gathered, Shells& shells, double quads, const GltfRemeshOptions& options,
-                     GltfRemeshed& done, std::vector<Index>& source_face, Context& context) {
-  const GltfSurface& surface = gathered.surface;
-  RemeshOptions own = options.remesh;
-  const auto tell = [&](const std::string& text) { context.warn("gltf", surface.label() + ": " + text); };
-  if (!surface.asset.rig && own.preset == FieldPreset::thesis) {
-    own.preset = FieldPreset::flat;
-    tell("has no rig, which the thesis preset needs: made by the static one");
+Expected<Shells> find_shells(const Gathered& gathered, const GltfRemeshOptions& options, Context& context) {
+  const Asset& asset = gathered.surface.asset;
+  const TriangleMesh<double>& mesh = asset.mesh;
+  Shells shells;
+  shells.components = face_components(mesh);
+  shells.wedges.emplace(gathered, shells.components);
+  shells.list.resize(at(shells.components.count));
+  for (Index f = 0; f < mesh.face_count(); ++f) shells.list[at(shells.components.of_face[at(f)])].faces.push_back(f);
+
+  const Connection<double> connection(mesh, &context);
+  PosedForms forms = PosedForms::at_rest(mesh, connection);
+  std::vector<double> omega1;
+  if (asset.rig) {
+    if (options.pose_source == GltfPoses::clips) shells.poses = clip_poses(asset.rig->clips, options.most_poses);
+    if (shells.poses.empty()) shells.poses = bend_poses(asset.rig->skeleton, options.remesh.bend_degrees);
+    const std::vector<Pose> few = some_of(shells.poses, 12);
+    Expected<PosedForms> posed = PosedForms::create(mesh, connection, asset.rig->weights, few, {}, context);
+    if (!posed) return posed.error();
+    forms = std::move(*posed);
   }
-  if (!surface.asset.rig && own.group_borders) {
-    own.group_borders = false;
-    tell("has no rig, so no borders of vertex groups are kept");
-  }
-  if (options.pose_source == GltfPoses::clips && surface.asset.rig) {
-    own.poses = clip_poses(surface.asset.rig->clips, options.most_poses);
-    if (own.poses.empty()) tell("has no clips: every joint is bent instead");
-  }
-  bool told = false;
-  const auto count = [](double wanted) { return std::max<Index>(6, static_cast<Index>(std::lround(wanted))); };
-  const auto attempt = [&](const Shells& of, double wanted, Context& with) -> Expected<RemeshResult> {
-    source_face.clear();
-    Asset part = kept_part(surface, of, source_face);
-    own.quads = count(wanted);
-    if (options.keep_materials || options.keep_textures) {
-      const Regions regions(gathered, part.mesh, source_face);
-      own.features.clear();
-      for (Index h = 0; h < part.mesh.halfedge_count(); ++h)
-        if (regions.parts_primitives(h) ? options.keep_materials : options.keep_textures && regions.is_seam(h))
-          own.features.push_back(h);
-      if (own.features.empty() && !std::exchange(told, true))
-        tell("has no borders of materials or textures, so none are kept");
+  Expected<PosedMetric> metric = posed_metric(mesh, forms, omega1, {}, context);
+  if (!metric) return metric.error();
+  const double scale = gathered.surface.world_scale;
+  for (Shell& shell : shells.list) {
+    for (const Index f : shell.faces) shell.demand += mesh.area(f) * std::cbrt(metric->error[at(f)]);
+    shell.demand *= std::pow(scale, 4.0 / 3);
+    if (asset.rig) {
+      Index first = no_index;
+      for (const Index f : shell.faces)
+        for (int i = 0; i < 3 && !shell.bends; ++i)
+          for (SkinWeights::InnerIterator it(asset.rig->weights, mesh.faces()(f, i)); it; ++it) {
+            if (it.value() < 0.02) continue;
+            if (first == no_index) first = static_cast<Index>(it.col());
+            shell.bends = shell.bends || first != it.col();
+          }
     }
-    if (options.on_part) options.on_part(part, source_face, own);
-    Expected<UnfittedQuads> made = remesh_unfitted(part, own, with);
-    if (made && options.snap_seams) {
-      const Stopwatch watch;
-      Regions regions(gathered, part.mesh, source_face);
-      const SeamFigures figures =
-          snap_to_seams(part.mesh, regions, options.least_at_seams, made->on_features, made->mesh, with);
-      done.seam_edges = figures.edges;
-      done.snapped_edges = figures.on_seams;
-      for (std::size_t v = 0; v < figures.placed.size(); ++v) made->held[v] = made->held[v] || figures.placed[v];
-      made->report.seconds.polish += watch.seconds();
-      made->report.seconds.total += watch.seconds();
+  }
+  return shells;
+}
+
+void share_out(std::vector<Shells>& all, double triangles, const GltfRemeshOptions& options) {
+  std::vector<Shell*> list;
+  double own = 0, demand = 0;
+  for (Shells& shells : all)
+    for (Shell& shell : shells.list) {
+      list.push_back(&shell);
+      own += shell.own();
+      demand += shell.demand;
     }
-    Expected<RemeshResult> result =
-        made ? fit_and_skin(part, own, std::move(*made), with) : Expected<RemeshResult>(made.error());
-    done.remeshed = std::move(part.mesh);
-    return result;
+  const bool more = triangles > denser * own;
+  const auto due = [&](const Shell& shell, double lambda) {
+    const double wanted = lambda * shell.demand, least = std::min<double>(shell.own(), least_triangles);
+    if (options.topology == GltfTopology::field)
+      return wanted >= 2 * options.least_shell_quads ? wanted : static_cast<double>(shell.own());
+    // Where all can have more, those that are due enough for a field do.
+    if (more && wanted >= 2 * options.least_field_quads) return wanted;
+    return std::clamp<double>(wanted, least, shell.own());
   };
-  const auto give_up = [&](std::size_t shell, const Error& reason) {
-    shells.kept[shell] = 0;
-    done.failures.push_back({shell_label(gathered, shells, shell), reason});
+  const auto sum = [&](double lambda) {
+    double total = 0;
+    for (const Shell* shell : list) total += due(*shell, lambda);
+    return total;
   };
-  const double whole = shells.kept_area;
-  for (int round = 0; shells.keeps_any(); ++round) {
-    Expected<RemeshResult> result = attempt(shells, quads * shells.kept_area / whole, context);
-    if (result) {
-      done.result = std::move(*result);
-      return {};
-    }
-    Error error = result.error();
-    if (!of_the_part(error) || options.prepare.strict) {
-      error.where = surface.label() + (error.where.empty() ? "" : ", " + error.where);
-      return error;
-    }
-    std::vector<std::size_t> kept;
-    for (std::size_t c = 0; c < shells.kept.size(); ++c)
-      if (shells.kept[c]) kept.push_back(c);
-    // Which shell was it? Each is tried alone, once; those that succeed are made again together.
-    bool found = false;
-    for (const std::size_t c : kept) {
-      if (kept.size() == 1 || round > 0) {
-        give_up(c, error);
-        found = true;
-        continue;
-      }
-      Shells alone = shells;
-      alone.kept.assign(shells.kept.size(), 0);
-      alone.kept[c] = 1;
-      Context quiet = context.quiet(context.threads);
-      const Expected<RemeshResult> one = attempt(alone, quads * shells.area[c] / whole, quiet);
-      if (one) continue;
-      if (!of_the_part(one.error())) return one.error();
-      give_up(c, one.error());
-      found = true;
-    }
-    if (!found)
-      for (const std::size_t c : kept) give_up(c, error);
-    shells.kept_area = 0;
-    for (std::size_t c = 0; c < shells.kept.size(); ++c)
-      if (shells.kept[c]) shells.kept_area += shells.area[c];
+  double low = 0, high = demand > 0 ? triangles / demand : 1;
+  for (int k = 0; k < 60 && sum(high) < triangles; ++k) high *= 2;
+  for (int k = 0; k < 60; ++k) {
+    const double middle = (low + high) / 2;
+    (sum(middle) < triangles ? low : high) = middle;
   }
-  source_face.clear();
-  done.remeshed = {};
-  return {};
+  for (Shell* shell : list) shell->due = due(*shell, high);
+  // Where none is due enough, the largest gets what the others leave.
+  if ((more || options.topology == GltfTopology::field) && demand > 0 &&
+      std::ranges::none_of(list, [&](const Shell* shell) { return wants_field(*shell, options); })) {
+    Shell* largest = *std::ranges::max_element(list, {}, [](const Shell* shell) { return shell->demand; });
+    double others = 0;
+    for (const Shell* shell : list) others += shell == largest ? 0 : shell->due;
+    largest->due = std::max(triangles - others, 2 * options.remesh.quads * largest->demand / demand);
+    largest->alone = true;
+  }
+}
+
+bool wants_field(const Shell& shell, const GltfRemeshOptions& options) {
+  if (shell.alone) return true;
+  if (options.topology == GltfTopology::field) return shell.due >= 2 * options.least_shell_quads;
+  return shell.due > shell.own() || (shell.due < 0.97 * shell.own() && shell.due >= 2 * options.least_field_quads);
+}
+
+std::string shell_label(const Gathered& gathered, const Shells& shells, const Shell& shell) {
+  const auto number = shells.components.of_face[at(shell.faces.front())];
+  const Primitive& primitive = gathered.primitives[at(gathered.surface.source_primitive[at(shell.faces.front())])];
+  return gathered.surface.label() + ", shell " + std::to_string(number) + " (" + numbered("meshes", primitive.mesh) +
+         ", " + std::to_string(shell.faces.size()) + " triangles)";
 }
 
 }  // namespace quadrig::gltf

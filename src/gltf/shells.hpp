@@ -1,33 +1,67 @@
-// Shells of surfaces: which are remeshed, with how many quads, and which stay.
+// Shells of surfaces: what each is, how many triangles it is due, and what it becomes.
 #pragma once
 
-#include <algorithm>
+#include <optional>
 
-#include "gather.hpp"
+#include "measure.hpp"
 #include "quadrig/gltf.hpp"
 
 namespace quadrig::gltf {
 
-/// Shells of one surface, with the count that each is due.
-struct Shells {
-  Components components;
-  std::vector<double> area;  ///< in the scene
-  std::vector<char> kept;    ///< to be remeshed
-  double kept_area = 0;
-
-  [[nodiscard]] bool keeps_any() const { return std::find(kept.begin(), kept.end(), 1) != kept.end(); }
+/// Quads of a field, with the faces of the surface that they were made on.
+struct FieldQuads {
+  RemeshResult result;  ///< `source` refers to `faces`
+  std::vector<Index> faces;
+  Index seam_edges = 0, snapped_edges = 0;
 };
 
-/// Which shells are remeshed: those whose share of the count is large enough, or the largest of all where none is.
-[[nodiscard]] std::vector<Shells> choose_shells(const std::vector<Gathered>& all, const GltfRemeshOptions& options);
+struct Shell {
+  std::vector<Index> faces;  ///< of the surface
+  double demand = 0;         ///< of triangles, relative to that of others in the file
+  double due = 0;            ///< triangles, a quad counted as two
+  bool alone = false;        ///< no shell of the file is due enough for a field, this gets one
+  bool bends = false;
+  // What it became: polygons of its own vertices, or quads of a field.
+  std::vector<Polygon> polygons;
+  std::optional<FieldQuads> field;
+  GltfMake make = GltfMake::kept;
+  Apart apart;
+  std::optional<Error> failure;  ///< of the field, where it was to be one and is none
 
-/// The kept shells as an asset of their own; `source_face` is filled with the face that each of its faces was.
-[[nodiscard]] Asset kept_part(const GltfSurface& surface, const Shells& shells, std::vector<Index>& source_face);
+  [[nodiscard]] Index own() const { return static_cast<Index>(faces.size()); }
+  /// Triangles that it became.
+  [[nodiscard]] Index triangles() const {
+    return field ? 2 * field->result.mesh.quad_count() : triangle_count(polygons);
+  }
+};
 
-/// Remeshes the kept shells of a surface to `quads`. Shells that cannot be are told in `done.failures` and kept no
-/// more. \fails bad_option, cancelled; under strict also as remesh
-[[nodiscard]] Status remesh_shells(const Gathered& gathered, Shells& shells, double quads,
-                                   const GltfRemeshOptions& options, GltfRemeshed& done,
-                                   std::vector<Index>& source_face, Context& context);
+/// The shells of one surface.
+struct Shells {
+  Components components;
+  std::optional<Wedges> wedges;
+  std::vector<Shell> list;
+  std::vector<Pose> poses;  ///< that its surface is judged in
+};
+
+/// Cuts a surface into shells and finds what each demands: the integral of the cube root of the error that quads of one
+/// size would leave, by the posed curvature metric.
+/// \fails as the metric does; cancelled
+[[nodiscard]] Expected<Shells> find_shells(const Gathered& gathered, const GltfRemeshOptions& options,
+                                           Context& context);
+
+/// Shares `triangles` out to all shells by demand, with one multiplier. Those that would get as many as they have, or
+/// more, keep what they have unless there are enough for all to have more.
+void share_out(std::vector<Shells>& all, double triangles, const GltfRemeshOptions& options);
+
+/// Whether what a shell is due is enough for a field to be laid on it.
+[[nodiscard]] bool wants_field(const Shell& shell, const GltfRemeshOptions& options);
+
+/// Makes the candidates for a shell, holds each against the shell and keeps the best.
+/// \fails bad_option, cancelled; under strict as remesh
+[[nodiscard]] Status make_shell(const Gathered& gathered, const Shells& shells, Shell& shell,
+                                const GltfRemeshOptions& options, Context& context);
+
+/// "skins[0] 'body', shell 3 (meshes[1], 120 triangles)"
+[[nodiscard]] std::string shell_label(const Gathered& gathered, const Shells& shells, const Shell& shell);
 
 }  // namespace quadrig::gltf

@@ -1,5 +1,6 @@
 // The surfaces of a file: what each is made of, mended, with its rig.
 #include <algorithm>
+#include <map>
 
 #include "gather.hpp"
 #include "io/scan.hpp"
@@ -52,6 +53,33 @@ std::vector<Index> corner_vertices(const Gathered& gathered, const Prepared& pre
     }
   }
   return result;
+}
+
+/// Skins of the same joints in the same order, with the same bind matrices, move one surface: each mesh is given to the
+/// first of them. Skins that need mending stay by themselves.
+void join_skins(State& state, const NodeTree& tree, std::vector<std::size_t>& skin_of, Budget& budget) {
+  std::vector<std::pair<std::size_t, Skin>> first;
+  std::map<std::size_t, std::size_t> stands_for;
+  for (std::size_t& skin : skin_of) {
+    if (skin == none) continue;
+    const auto [place, is_new] = stands_for.try_emplace(skin, skin);
+    if (is_new) {
+      Expected<Skin> own = read_skin(state, tree, skin, budget);
+      if (!own || own->singular_binds > 0 || own->bind_rows > 0 || loose_roots(state, tree, skin) > 0) continue;
+      const auto agrees = [&](const std::pair<std::size_t, Skin>& other) {
+        if (own->joints != other.second.joints) return false;
+        for (std::size_t j = 0; j < own->joints.size(); ++j)
+          if (!own->inverse_bind[j].isApprox(other.second.inverse_bind[j], 1e-5)) return false;
+        return true;
+      };
+      const auto known = std::find_if(first.begin(), first.end(), agrees);
+      if (known != first.end())
+        place->second = known->first;
+      else
+        first.emplace_back(skin, std::move(*own));
+    }
+    skin = place->second;
+  }
 }
 
 double scale_of(const Eigen::Affine3d& transform) {
@@ -224,13 +252,14 @@ std::vector<Gathered> candidates(const State& state, const std::vector<std::size
 Expected<std::vector<Gathered>> gather(State& state, const PrepareOptions& prepare_options,
                                        const GltfClipOptions& clip_options, const GltfSelection& selection,
                                        Context& context) {
-  const Expected<std::vector<std::size_t>> skin_of = skins_of_meshes(state);
+  Expected<std::vector<std::size_t>> skin_of = skins_of_meshes(state);
   if (!skin_of) return skin_of.error();
   const Expected<NodeTree> tree = NodeTree::read(state);
   if (!tree) return tree.error();
   const Expected<Selector> selector = Selector::create(state, selection, *skin_of);
   if (!selector) return selector.error();
   Budget budget{state.limits.values};
+  join_skins(state, *tree, *skin_of, budget);
   Cache cache;
   const std::vector<double> mesh_scale = scale_of_meshes(state, *tree);
   const Request request{state, prepare_options, clip_options, *tree, mesh_scale, budget, cache, context};

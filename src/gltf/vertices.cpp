@@ -55,6 +55,27 @@ Status read_vertices(State& state, const Json& primitive, const std::string& whe
 }  // namespace
 }  // namespace gltf
 
+Index gltf_triangle_count(const GltfDocument& document) {
+  using gltf::member;
+  const gltf::Json& json = document.state().json;
+  const gltf::Json& accessors = gltf::array_of(json, "accessors");
+  std::size_t triangles = 0;
+  for (const gltf::Json& mesh : gltf::array_of(json, "meshes"))
+    for (const gltf::Json& primitive : gltf::array_of(mesh, "primitives")) {
+      const gltf::Json *corners = member(primitive, "indices"), *mode = member(primitive, "mode");
+      if (const gltf::Json* attributes = member(primitive, "attributes"); attributes && !corners)
+        corners = member(*attributes, "POSITION");
+      const auto accessor = corners ? gltf::whole(*corners) : std::nullopt;
+      if (!accessor || *accessor >= accessors.size()) continue;
+      const gltf::Json* count = member(accessors[*accessor], "count");
+      const std::size_t kind = mode ? gltf::whole(*mode).value_or(0) : 4,
+                        n = count ? gltf::whole(*count).value_or(0) : 0;
+      if (kind == 4) triangles += n / 3;
+      if ((kind == 5 || kind == 6) && n > 2) triangles += n - 2;
+    }
+  return static_cast<Index>(std::min<std::size_t>(triangles, std::numeric_limits<Index>::max()));
+}
+
 Expected<std::vector<GltfVertices>> gltf_vertices(const GltfDocument& document, std::string_view name,
                                                   Context& context) {
   gltf::State& state = document.state();

@@ -20,9 +20,9 @@ struct GltfLimits {
 
 enum class GltfContainer : std::uint8_t {
   json,    ///< .gltf: JSON, with buffers as data URIs or files beside it
-  binary,  ///< .glb: JSON and binary chunks in one file
+  binary,  ///< .glb, .vrm: JSON and binary chunks in one file
 };
-/// By the extension, .gltf or .glb in any case. \fails unsupported on another.
+/// By the extension, .gltf, .glb or .vrm in any case. \fails unsupported on another.
 [[nodiscard]] Expected<GltfContainer> gltf_container(const std::filesystem::path& path);
 
 /// A glTF file as it is: the JSON with its members in order, and every chunk and buffer byte for byte. What is not

@@ -16,8 +16,8 @@ struct GltfRepairs {
   [[nodiscard]] std::vector<std::string> sentences() const;
 };
 
-/// Which primitives become surfaces. Without names: all that a skin moves or, in a file where no skin moves a mesh,
-/// all.
+/// Which primitives become surfaces. Without names: all that a skin moves and those of meshes that hang on joints or,
+/// in a file where no skin moves a mesh, all.
 struct GltfSelection {
   /// Names, or regular expressions (ECMAScript) of whole names. Chosen is a primitive whose material, mesh or skin, or
   /// a node that has the mesh, is called so; what no skin moves too.
@@ -63,6 +63,9 @@ struct GltfVertices {
   Triangles triangles;                          ///< strips and fans as triangles
   Eigen::MatrixXd values;                       ///< n×k; without rows where the primitive has not this attribute
 };
+
+/// Triangles of all primitives of all meshes, counted by what the JSON announces. \cost O(primitives)
+[[nodiscard]] Index gltf_triangle_count(const GltfDocument& document);
 
 /// Every primitive of every mesh, in order, with the attribute `name`: "_SOURCE" reads a source map back,
 /// "targets[0].NORMAL" a morph target. Primitives that are no triangles have neither positions nor triangles.

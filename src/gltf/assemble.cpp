@@ -1,0 +1,229 @@
+// Quads and triangles of a surface into the vertices of its primitives.
+#include "assemble.hpp"
+
+#include <algorithm>
+#include <map>
+#include <numeric>
+
+#include "regions.hpp"
+
+namespace quadrig::gltf {
+namespace {
+
+std::vector<std::pair<Index, double>> strongest(const SkinWeights& weights, Index row, Index influences) {
+  std::vector<std::pair<Index, double>> own;
+  for (SkinWeights::InnerIterator it(weights, row); it; ++it)
+    if (it.value() > 0) own.emplace_back(static_cast<Index>(it.col()), it.value());
+  std::sort(own.begin(), own.end(), [](const auto& a, const auto& b) {
+    return a.second != b.second ? a.second > b.second : a.first < b.first;
+  });
+  if (own.size() > at(influences)) own.resize(at(influences));
+  double sum = 0;
+  for (const auto& entry : own) sum += entry.second;
+  for (auto& entry : own) entry.second /= sum;
+  return own;
+}
+
+/// Unit normals of the quads' vertices: of the faces around them, by area.
+Points<double> smooth_normals(const QuadMesh& mesh, const Points<double>& positions) {
+  Points<double> normals = Points<double>::Zero(mesh.vertex_count(), 3);
+  for (Index q = 0; q < mesh.quad_count(); ++q) {
+    Vector3 p[4];
+    for (int i = 0; i < 4; ++i) p[i] = positions.row(mesh.quads(q, i)).transpose();
+    const Vector3 n = (p[2] - p[0]).cross(p[3] - p[1]);
+    for (int i = 0; i < 4; ++i) normals.row(mesh.quads(q, i)) += n.transpose();
+  }
+  for (Index v = 0; v < mesh.vertex_count(); ++v) {
+    const double length = normals.row(v).norm();
+    if (length > 0)
+      normals.row(v) /= length;
+    else
+      normals.row(v) = Vector3::UnitZ().transpose();
+  }
+  return normals;
+}
+
+/// Where a point of the prepared surface lies on the input: primitive, triangle, and the second and third of its
+/// barycentric coordinates there.
+Eigen::Vector4d source_of(const Job& job, Index face, const Vector3& p) {
+  const Gathered& gathered = job.gathered;
+  const Index t = gathered.source_triangle[at(face)];
+  Vector3 corner[3];
+  for (int i = 0; i < 3; ++i) corner[i] = gathered.positions.row(gathered.triangles(t, i)).transpose();
+  const SurfaceHit hit = closest_on_triangle(p, corner[0], corner[1], corner[2]);
+  return {static_cast<double>(job.primitive_number[at(gathered.triangle_primitive[at(t)])]),
+          static_cast<double>(gathered.triangle_number[at(t)]), hit.barycentric[1], hit.barycentric[2]};
+}
+
+/// How the normals of the quads' vertices change with each morph target that has normals: made anew, as the normals
+/// are.
+struct MorphNormals {
+  std::vector<std::pair<Eigen::Index, Points<double>>> changes;  ///< first column, n×3
+
+  MorphNormals(const Gathered& gathered, const QuadMesh& quads, const Points<double>& normals, Regions& regions) {
+    for (const Attribute& attribute : gathered.attributes) {
+      if (attribute.target == Attribute::no_target || attribute.name != "NORMAL") continue;
+      Eigen::Index offset = -1;
+      for (const Attribute& other : gathered.attributes)
+        if (other.target == attribute.target && other.name == "POSITION") offset = other.first;
+      Points<double> moved = quads.positions;
+      for (Index v = 0; v < quads.vertex_count(); ++v)
+        moved.row(v) += regions.values_at(quads.source[at(v)]).segment<3>(offset).transpose();
+      changes.emplace_back(attribute.first, smooth_normals(quads, moved) - normals);
+    }
+  }
+  void put(Index v, Eigen::VectorXd& values) const {
+    for (const auto& [first, change] : changes) values.segment<3>(first) = change.row(v).transpose();
+  }
+};
+
+/// What each morph target does to the position of a vertex: once a vertex and mesh, whatever the side of a seam, so
+/// that vertices doubled there move as one.
+class MorphPositions {
+ public:
+  MorphPositions(const Job& job, const QuadMesh& quads, Regions& regions)
+      : job_(job), quads_(quads), regions_(regions) {
+    for (const Attribute& a : job.gathered.attributes)
+      if (a.target != Attribute::no_target && a.name == "POSITION") columns_.push_back(a.first);
+  }
+  /// \param values what the vertex has in that primitive; their displacements are set
+  void put(Index v, Index primitive, Eigen::VectorXd& values) {
+    if (columns_.empty()) return;
+    const auto mesh_of = [&](Index number) { return job_.gathered.primitives[at(number)].mesh; };
+    const SurfacePoint& source = quads_.source[at(v)];
+    const Index below = job_.gathered.surface.source_primitive[at(source.face)];
+    const std::size_t mesh = mesh_of(primitive);
+    const auto [place, is_new] = known_.try_emplace({mesh, v}, columns_.size());
+    std::vector<Vector3>& moved = place->second;
+    // Targets of another mesh are others: of a vertex that lies on one, what its own side of the border has counts.
+    if (is_new) {
+      const Eigen::VectorXd own = mesh_of(below) == mesh ? regions_.values_at(source) : values;
+      for (std::size_t k = 0; k < columns_.size(); ++k) moved[k] = own.segment<3>(columns_[k]);
+    }
+    for (std::size_t k = 0; k < columns_.size(); ++k) values.segment<3>(columns_[k]) = moved[k];
+  }
+
+ private:
+  const Job& job_;
+  const QuadMesh& quads_;
+  const Regions& regions_;
+  std::vector<Eigen::Index> columns_;
+  std::map<std::pair<std::size_t, Index>, std::vector<Vector3>> known_;
+};
+
+}  // namespace
+
+void add_field(Job& job, const RemeshResult& result, Index influences) {
+  const QuadMesh& quads = result.mesh;
+  if (quads.quad_count() == 0) return;
+  std::vector<Index> every(at(job.gathered.surface.asset.mesh.face_count()));
+  std::iota(every.begin(), every.end(), 0);
+  Regions regions(job.gathered, job.gathered.surface.asset.mesh, every);
+  const Points<double> normals = smooth_normals(quads, quads.positions);
+  const MorphNormals morphs(job.gathered, quads, normals, regions);
+  MorphPositions displacements(job, quads, regions);
+  // Values that a vertex has in a primitive: more than one where a seam runs through it.
+  std::map<std::pair<Index, Index>, std::vector<Eigen::VectorXd>> variants;
+  for (Index q = 0; q < quads.quad_count(); ++q) {
+    const Regions::QuadValues values = regions.of_quad(quads, q);
+    PrimitiveBuilder& builder = job.builders[at(values.primitive)];
+    std::array<Index, 4> corner{};
+    std::array<Vector3, 4> place;
+    for (std::size_t i = 0; i < 4; ++i)
+      place[i] = quads.positions.row(quads.quads(q, static_cast<Eigen::Index>(i))).transpose();
+    const int first = first_corner(place);
+    for (int i = 0; i < 4; ++i) {
+      const int from = (first + i) % 4;
+      const Index v = quads.quads(q, from);
+      const Eigen::VectorXd& own = values.corners[static_cast<std::size_t>(from)];
+      std::vector<Eigen::VectorXd>& known = variants[{values.primitive, v}];
+      std::size_t variant = 0;
+      while (variant < known.size() && !regions.alike(known[variant], own)) ++variant;
+      if (variant == known.size()) known.push_back(own);
+      const std::uint64_t key = static_cast<std::uint64_t>(variant) << 32 | static_cast<std::uint32_t>(v);
+      corner[static_cast<std::size_t>(i)] = builder.vertex(key, [&] {
+        const Vector3 p = quads.positions.row(v).transpose();
+        PrimitiveBuilder::Vertex made{p, normals.row(v).transpose(), own, {}, {}};
+        displacements.put(v, values.primitive, made.values);
+        morphs.put(v, made.values);
+        made.source = source_of(job, quads.source[at(v)].face, p);
+        if (result.weights) made.weights = strongest(*result.weights, v, influences);
+        return made;
+      });
+    }
+    builder.quad(corner[0], corner[1], corner[2], corner[3]);
+  }
+}
+
+void add_polygons(Job& job, const Shells& shells, const Shell& shell, bool quads, Index influences) {
+  const Gathered& gathered = job.gathered;
+  const Asset& asset = gathered.surface.asset;
+  const TriangleMesh<double>& mesh = asset.mesh;
+  const auto point = [&](Index v) { return mesh.position(v); };
+  const bool flat = shells.wedges->flat(shells.components.of_face[at(shell.faces.front())]);
+  const auto normal_of = [&](const Polygon& p) {
+    return p.size() == 4
+               ? Vector3((point(p.vertex[2]) - point(p.vertex[0])).cross(point(p.vertex[3]) - point(p.vertex[1])))
+               : Vector3((point(p.vertex[1]) - point(p.vertex[0])).cross(point(p.vertex[2]) - point(p.vertex[0])));
+  };
+  const auto unit = [](const Vector3& n) {
+    const double length = n.norm();
+    return length > 0 && std::isfinite(length) ? Vector3(n / length) : Vector3::UnitZ();
+  };
+  std::map<Index, Vector3> smooth;
+  for (const Polygon& p : shell.polygons)
+    for (std::size_t i = 0; i < p.size(); ++i) {
+      const auto [place, is_new] = smooth.try_emplace(p.vertex[i], Vector3::Zero());
+      place->second += normal_of(p);
+    }
+  for (const Polygon& polygon : shell.polygons) {
+    if ((polygon.size() == 4) != quads) continue;
+    PrimitiveBuilder& builder = job.builders[at(polygon.primitive)];
+    std::array<Index, 4> corner{};
+    std::size_t first = 0;
+    if (quads && shell.make != GltfMake::kept)
+      first = static_cast<std::size_t>(first_corner(
+          {point(polygon.vertex[0]), point(polygon.vertex[1]), point(polygon.vertex[2]), point(polygon.vertex[3])}));
+    const bool kept = shell.make == GltfMake::kept;
+    const bool has_normals = shells.wedges->normal(polygon.wedge[0], polygon.primitive).has_value();
+    const std::uint64_t apart = flat && !(kept && has_normals) ? ++job.flat_faces : 0;
+    const auto vertex = [&](std::size_t i, Index wedge) {
+      const Index v = polygon.vertex[i];
+      // Keys of a field's quads are small; these begin at 2^62 and, where each face has its own, at 2^63.
+      const std::uint64_t key =
+          apart > 0 ? std::uint64_t{1} << 63 | apart << 2 | i
+                    : std::uint64_t{1} << 62 | static_cast<std::uint64_t>(v) << 31 | static_cast<std::uint64_t>(wedge);
+      return builder.vertex(key, [&] {
+        const Index h = mesh.outgoing(v);
+        PrimitiveBuilder::Vertex made{
+            point(v), Vector3::Zero(), gathered.values.row(wedge).transpose(), {}, source_of(job, h / 3, point(v))};
+        if (asset.rig) made.weights = strongest(asset.rig->weights, v, influences);
+        const std::optional<Vector3> own = shells.wedges->normal(wedge, polygon.primitive);
+        made.normal = own && (kept || !flat) ? *own : flat ? unit(normal_of(polygon)) : unit(smooth.at(v));
+        return made;
+      });
+    };
+    if (kept) {
+      // As the file has them: the halves of a quad share no vertices where they did not.
+      const auto triangle = [&](std::size_t t, std::size_t b, std::size_t c) {
+        const Index i = vertex(0, polygon.own[t][0]), j = vertex(b, polygon.own[t][1]),
+                    k = vertex(c, polygon.own[t][2]);
+        return std::array{i, j, k};
+      };
+      const auto one = triangle(0, 1, 2);
+      if (quads)
+        builder.quad(one, triangle(1, 2, 3));
+      else
+        builder.triangle(one[0], one[1], one[2]);
+      continue;
+    }
+    for (std::size_t k = 0; k < polygon.size(); ++k) {
+      const std::size_t i = (first + k) % polygon.size();
+      corner[k] = vertex(i, polygon.wedge[i]);
+    }
+    quads ? builder.quad(corner[0], corner[1], corner[2], corner[3])
+          : builder.triangle(corner[0], corner[1], corner[2]);
+  }
+}
+
+}  // namespace quadrig::gltf

@@ -1,0 +1,301 @@
+// What a shell could become, and which of it lies nearest.
+#include <algorithm>
+#include <set>
+
+#include "quadrig/pipeline/piece.hpp"
+#include "quadrig/quality/distance.hpp"
+#include "quadrig/skinning.hpp"
+#include "seams.hpp"
+#include "shells.hpp"
+
+namespace quadrig::gltf {
+namespace {
+
+/// An error of one part alone: the rest of the file can go on.
+bool of_the_part(const Error& error) {
+  return error.code == ErrorCode::stage_failed || error.code == ErrorCode::numeric ||
+         error.code == ErrorCode::bad_input || error.code == ErrorCode::unsupported;
+}
+
+/// The poses and morph targets that change a shell most, and its places in each.
+class ShellPoses {
+  static constexpr std::size_t most_bones = 4, most_targets = 6;
+
+ public:
+  ShellPoses(const Gathered& gathered, const Shells& shells, const Shell& shell)
+      : gathered_(gathered), shells_(shells) {
+    const Asset& asset = gathered.surface.asset;
+    std::vector<char> used(at(asset.mesh.vertex_count()), 0);
+    for (const Index f : shell.faces)
+      for (int i = 0; i < 3; ++i) {
+        const Index v = asset.mesh.faces()(f, i);
+        if (std::exchange(used[at(v)], char{1})) continue;
+        vertices_.push_back(v);
+        sources_.push_back(gathered.corner_vertex[at(3 * f + i)]);
+      }
+    if (asset.rig && shell.bends) choose_poses(*asset.rig);
+    choose_targets();
+    points_.weight.assign(1, 1.0);
+    points_.weight.insert(points_.weight.end(), poses_.size(),
+                          1.0 / static_cast<double>(std::max<std::size_t>(1, poses_.size())));
+    points_.weight.insert(points_.weight.end(), targets_.size(),
+                          1.0 / static_cast<double>(std::max<std::size_t>(1, targets_.size())));
+    points_.places.assign(points_.weight.size(), asset.mesh.positions());
+    for (std::size_t k = 0; k < poses_.size(); ++k)
+      for (const Index v : vertices_)
+        points_.places[1 + k].row(v) = posed(asset.mesh.position(v), asset.rig->weights, v, k);
+    for (std::size_t k = 0; k < targets_.size(); ++k)
+      for (std::size_t i = 0; i < vertices_.size(); ++i)
+        points_.places[1 + poses_.size() + k].row(vertices_[i]) +=
+            gathered.values.row(sources_[i]).segment<3>(targets_[k]);
+  }
+
+  [[nodiscard]] const PosedPoints& points() const { return points_; }
+
+  /// Places of a field's quads in the same poses.
+  [[nodiscard]] std::vector<Points<double>> of(const FieldQuads& field) const {
+    const QuadMesh& quads = field.result.mesh;
+    std::vector<Points<double>> places(points_.weight.size(), quads.positions);
+    for (std::size_t k = 0; k < poses_.size(); ++k)
+      for (Index v = 0; v < quads.vertex_count(); ++v)
+        places[1 + k].row(v) = posed(quads.positions.row(v).transpose(), *field.result.weights, v, k);
+    for (std::size_t k = 0; k < targets_.size(); ++k)
+      for (Index v = 0; v < quads.vertex_count(); ++v) {
+        const SurfacePoint& point = quads.source[at(v)];
+        for (int i = 0; i < 3; ++i)
+          places[1 + poses_.size() + k].row(v) +=
+              point.barycentric[i] *
+              gathered_.values.row(gathered_.corner_vertex[at(3 * field.faces[at(point.face)] + i)])
+                  .segment<3>(targets_[k]);
+      }
+    return places;
+  }
+
+ private:
+  /// Of the bones that share the shell's vertices most with others, one pose each.
+  void choose_poses(const Rig& rig) {
+    std::vector<double> shared(at(rig.skeleton.bone_count()), 0.0);
+    for (const Index v : vertices_)
+      for (SkinWeights::InnerIterator it(rig.weights, v); it; ++it)
+        shared[at(static_cast<Index>(it.col()))] += it.value() * (1 - it.value());
+    std::vector<Index> order;
+    for (std::size_t b = 0; b < shared.size(); ++b)
+      if (shared[b] > 1e-6) order.push_back(static_cast<Index>(b));
+    std::stable_sort(order.begin(), order.end(), [&](Index a, Index b) { return shared[at(a)] > shared[at(b)]; });
+    if (order.size() > most_bones) order.resize(most_bones);
+    const std::size_t bones = shared.size();
+    if (shells_.poses.size() == 4 * bones) {
+      for (std::size_t k = 0; k < order.size(); ++k) poses_.push_back(&shells_.poses[4 * at(order[k]) + k % 4]);
+    } else {
+      const std::size_t count = std::min(most_bones, shells_.poses.size());
+      for (std::size_t k = 0; k < count; ++k) poses_.push_back(&shells_.poses[k * shells_.poses.size() / count]);
+    }
+  }
+
+  void choose_targets() {
+    std::vector<std::pair<double, Eigen::Index>> moved;
+    for (const Attribute& a : gathered_.attributes) {
+      if (a.target == Attribute::no_target || a.name != "POSITION") continue;
+      double sum = 0;
+      for (const Index source : sources_) sum += gathered_.values.row(source).segment<3>(a.first).squaredNorm();
+      if (sum > 0) moved.emplace_back(-sum, a.first);
+    }
+    std::sort(moved.begin(), moved.end());
+    if (moved.size() > most_targets) moved.resize(most_targets);
+    for (const auto& [sum, first] : moved) targets_.push_back(first);
+  }
+
+  [[nodiscard]] Eigen::RowVector3d posed(const Vector3& p, const SkinWeights& weights, Index row, std::size_t k) const {
+    Vector3 sum = Vector3::Zero();
+    double total = 0;
+    for (SkinWeights::InnerIterator it(weights, row); it; ++it) {
+      sum += it.value() * ((*poses_[k])[at(static_cast<Index>(it.col()))] * p);
+      total += it.value();
+    }
+    return (total > 0 ? sum : p).transpose();
+  }
+
+  const Gathered& gathered_;
+  const Shells& shells_;
+  std::vector<Index> vertices_, sources_;  // of the shell; a gathered one of each
+  std::vector<const Pose*> poses_;
+  std::vector<Eigen::Index> targets_;  // first columns
+  PosedPoints points_;
+};
+
+/// Options of the field that go for this surface.
+RemeshOptions field_options(const Gathered& gathered, const Shells& shells, const GltfRemeshOptions& options) {
+  RemeshOptions own = options.remesh;
+  const bool rigged = gathered.surface.asset.rig.has_value();
+  if (!rigged && own.preset == FieldPreset::thesis) own.preset = FieldPreset::flat;
+  if (!rigged) own.group_borders = false;
+  if (options.pose_source == GltfPoses::clips && rigged && !gathered.surface.asset.rig->clips.empty())
+    own.poses = shells.poses;
+  return own;
+}
+
+/// Half-edges of a part that are to be edges of quads: where primitives meet or normals part, and what was asked for.
+std::vector<Index> lines_of(const Gathered& gathered, const Shells& shells, const TriangleMesh<double>& part,
+                            const std::vector<Index>& faces, const GltfRemeshOptions& options, bool sharp,
+                            double quads) {
+  const Regions regions(gathered, part, faces);
+  const bool flat = shells.wedges->flat(shells.components.of_face[at(faces.front())]);
+  const auto wedge = [&](Index h) { return shells.wedges->at_corner(3 * faces[at(h / 3)] + h % 3); };
+  // Of the length of all edges of `quads` quads, at most these shares may be bound to lines that were not asked for.
+  constexpr double borders_worth = 0.2, sharp_worth = 0.1;
+  std::vector<Index> lines, borders, bends;
+  double border_length = 0, bend_length = 0;
+  for (Index h = 0; h < part.halfedge_count(); ++h) {
+    const Index across = part.twin(h);
+    if (across == no_index || h > across) continue;
+    const bool primitives = regions.parts_primitives(h), seam = regions.is_seam(h);
+    const double length = part.edge_vector(h).norm();
+    if (primitives ? options.keep_materials : options.keep_textures && seam) {
+      lines.push_back(h);
+    } else if (primitives) {
+      borders.push_back(h);
+      border_length += length;
+    } else if (!flat && !seam &&
+               (wedge(h) != wedge(TriangleMesh<double>::next(across)) ||
+                wedge(TriangleMesh<double>::next(h)) != wedge(across))) {
+      bends.push_back(h);
+      bend_length += length;
+    }
+  }
+  const double all = 2 * std::sqrt(quads * part.total_area());
+  if (sharp && border_length <= borders_worth * all) lines.insert(lines.end(), borders.begin(), borders.end());
+  if (sharp && bend_length <= sharp_worth * all) lines.insert(lines.end(), bends.begin(), bends.end());
+  std::sort(lines.begin(), lines.end());
+  return lines;
+}
+
+/// \param sharp borders of primitives and edges where normals part are lines of quads
+Expected<FieldQuads> make_field(const Gathered& gathered, const Shells& shells, const Shell& shell, bool sharp,
+                                const GltfRemeshOptions& options, Context& context) {
+  FieldQuads made;
+  made.faces = shell.faces;
+  const Asset part = quadrig::detail::make_piece(gathered.surface.asset, made.faces).asset;
+  RemeshOptions own = field_options(gathered, shells, options);
+  own.quads = std::max<Index>(6, static_cast<Index>(std::lround(shell.due / 2)));
+  own.features = lines_of(gathered, shells, part.mesh, made.faces, options, sharp, own.quads);
+  if (options.on_part) options.on_part(part, made.faces, own);
+  Expected<UnfittedQuads> unfitted = remesh_unfitted(part, own, context);
+  if (!unfitted) return unfitted.error();
+  if (options.snap_seams) {
+    const Stopwatch watch;
+    Regions regions(gathered, part.mesh, made.faces);
+    const SeamFigures figures =
+        snap_to_seams(part.mesh, regions, options.least_at_seams, unfitted->on_features, unfitted->mesh, context);
+    made.seam_edges = figures.edges;
+    made.snapped_edges = figures.on_seams;
+    for (std::size_t v = 0; v < figures.placed.size(); ++v)
+      unfitted->held[v] = unfitted->held[v] || figures.placed[v];
+    unfitted->report.seconds.polish += watch.seconds();
+    unfitted->report.seconds.total += watch.seconds();
+  }
+  Expected<RemeshResult> result = fit_and_skin(part, own, std::move(*unfitted), context);
+  if (!result) return result.error();
+  made.result = std::move(*result);
+  // No primitive may vanish.
+  std::set<Index> lost;
+  for (const Index f : made.faces) lost.insert(gathered.surface.source_primitive[at(f)]);
+  if (lost.size() > 1) {
+    Regions regions(gathered, part.mesh, made.faces);
+    for (Index q = 0; q < made.result.mesh.quad_count() && !lost.empty(); ++q)
+      lost.erase(regions.of_quad(made.result.mesh, q).primitive);
+    if (!lost.empty()) {
+      const Primitive& first = gathered.primitives[at(*lost.begin())];
+      return Error{ErrorCode::stage_failed,
+                   numbered("meshes", first.mesh) + "." + numbered("primitives", first.number) +
+                       " is smaller than a quad and would be lost",
+                   gathered.surface.label(), "ask for more quads"};
+    }
+  }
+  return made;
+}
+
+}  // namespace
+
+Status make_shell(const Gathered& gathered, const Shells& shells, Shell& shell, const GltfRemeshOptions& options,
+                  Context& context) {
+  // Of candidates that are as near as each other the first is taken; simplified triangles must be nearer by this.
+  constexpr double simplified_must_gain = 0.9;
+  // A modelled surface: most of its triangles are halves of quads, most vertices inside have four edges.
+  constexpr double modelled_quads = 0.85, modelled_irregular = 0.4;
+  const TriangleMesh<double>& mesh = gathered.surface.asset.mesh;
+  const bool competition = options.topology == GltfTopology::best;
+  const std::vector<Polygon> triangles = triangles_of(gathered, *shells.wedges, shell.faces);
+  std::vector<Index> order;
+  for (const Index f : shell.faces) order.push_back(gathered.surface.source_triangle[at(f)]);
+  shell.make = GltfMake::kept;
+  const bool field = wants_field(shell, options);
+  if (competition || !field) shell.polygons = competition ? paired(mesh.positions(), triangles, order) : triangles;
+  if (!field && (!competition || shell.due > shell.own() - 0.5)) return {};
+
+  const ShellPoses poses(gathered, shells, shell);
+  Measure measure(as_triangles(triangles), poses.points());
+  const auto wanted = static_cast<Index>(std::lround(shell.due));
+  double best = std::numeric_limits<double>::infinity();
+  const auto tell = [&](std::string_view name, Index count, const Apart& apart) {
+    if (!context.on_log) return;
+    context.log(shell_label(gathered, shells, shell) + ", due " + std::to_string(wanted) + ": " + std::string(name) +
+                " " + std::to_string(count) + " triangles, rms " +
+                std::to_string(1e4 * apart.rms / measure.diagonal()) + "e-4 of its diagonal");
+  };
+  if (field) {
+    Expected<FieldQuads> made = make_field(gathered, shells, shell, competition, options, context);
+    if (!made && competition && of_the_part(made.error()))
+      made = make_field(gathered, shells, shell, false, options, context);
+    if (made) {
+      shell.apart = measure.apart(fan_triangles(to_polygons(made->result.mesh)), poses.of(*made));
+      best = shell.apart.rms;
+      tell("field", 2 * made->result.mesh.quad_count(), shell.apart);
+      shell.field = std::move(*made);
+      shell.make = GltfMake::field;
+    } else if (!of_the_part(made.error()) || options.prepare.strict) {
+      Error error = made.error();
+      error.where = gathered.surface.label() + (error.where.empty() ? "" : ", " + error.where);
+      return error;
+    } else {
+      shell.failure = made.error();
+    }
+  }
+  if (!competition || shell.due > shell.own()) {
+    if (shell.field)
+      shell.polygons.clear();
+    else if (!competition)
+      shell.polygons = triangles;
+    return {};
+  }
+  const std::vector<Polygon> own = std::move(shell.polygons);
+  shell.polygons = own;
+  Index quads = 0, irregular = 0;
+  for (const Polygon& p : own) quads += p.size() == 4;
+  const double share = irregular_share(own, irregular);
+  const bool modelled = 2 * quads >= modelled_quads * shell.own() && share <= modelled_irregular;
+  // No topology to keep, or no room for one.
+  const bool free = !shell.bends || !field || shell.due < 2 * options.least_bending_quads;
+  const auto compete = [&](std::vector<Polygon> made, GltfMake make, double handicap) {
+    if (triangle_count(made) > std::max(1.05 * shell.due, shell.due + 2) && std::isfinite(best)) return;
+    const Apart apart = measure.apart(as_triangles(made), poses.points().places);
+    tell(gltf_make_name(make), triangle_count(made), apart);
+    if (!(apart.rms < handicap * best)) return;
+    best = apart.rms;
+    shell.apart = apart;
+    shell.polygons = std::move(made);
+    shell.make = make;
+    shell.field.reset();
+  };
+  if (modelled || free)
+    compete(coarsened(own, *shells.wedges, poses.points(), {wanted, true, 0.5}, {}, context), GltfMake::rows, 1);
+  if (free || !std::isfinite(best)) {
+    std::vector<Polygon> few = coarsened(triangles, *shells.wedges, poses.points(), {wanted, false, 0}, {}, context);
+    compete(paired(mesh.positions(), std::move(few), {}), GltfMake::simplified, simplified_must_gain);
+  }
+  if (shell.field) shell.polygons.clear();
+  if (context.cancelled()) return cancelled_error("gltf");
+  if (shell.make != GltfMake::kept) shell.failure.reset();
+  return {};
+}
+
+}  // namespace quadrig::gltf

@@ -1,0 +1,36 @@
+// How far two surfaces are apart, posed alike.
+#pragma once
+
+#include "coarsen.hpp"
+#include "quadrig/closest.hpp"
+
+namespace quadrig::gltf {
+
+/// Distances both ways, in the units of the surface.
+struct Apart {
+  double rms = 0, mean = 0;  ///< over samples and poses, by their weights
+  double largest = 0;        ///< at vertices and samples
+};
+
+/// Holds what is made of a shell against the shell.
+class Measure {
+ public:
+  /// \param faces the triangles of the shell, over the rows of `points`
+  Measure(Triangles faces, PosedPoints points);
+  [[nodiscard]] const PosedPoints& points() const { return points_; }
+  [[nodiscard]] const Triangles& faces() const { return faces_; }
+  [[nodiscard]] double diagonal() const { return diagonal_; }
+  /// \param places of the other surface's vertices, in the same poses. \cost O(poses · samples · log faces)
+  [[nodiscard]] Apart apart(const Triangles& faces, std::span<const Points<double>> places) const;
+
+ private:
+  Triangles faces_;
+  PosedPoints points_;
+  double diagonal_ = 0;              // of the shell at rest
+  std::vector<ClosestPoint> trees_;  // of the shell, a pose
+};
+
+/// The polygons as triangles, quads cut along the diagonal of their first corners.
+[[nodiscard]] Triangles as_triangles(std::span<const Polygon> polygons);
+
+}  // namespace quadrig::gltf

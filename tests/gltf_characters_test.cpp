@@ -1,0 +1,176 @@
+// What real characters need of a glTF file: one budget, the input's own quads, nothing torn or lost.
+#include <map>
+
+#include "gltf_tube.hpp"
+#include "quadrig/gltf.hpp"
+#include "test.hpp"
+
+using namespace quadrig;
+using namespace quadrig::test;
+
+namespace {
+
+std::vector<GltfVertices> vertices_with(const GltfDocument& document, std::string_view name) {
+  Context context;
+  Expected<std::vector<GltfVertices>> all = gltf_vertices(document, name, context);
+  REQUIRE(all.has_value());
+  return std::move(*all);
+}
+
+struct Character {
+  GltfDocument document;
+  std::vector<GltfRemeshed> surfaces;
+  [[nodiscard]] Index triangles() const {
+    Index sum = 0;
+    for (const GltfRemeshed& one : surfaces) sum += 2 * one.result.report.quads + one.triangles;
+    return sum;
+  }
+};
+
+Character made(const Tube& tube, Index quads) {
+  Context context;
+  Expected<GltfDocument> document = GltfDocument::parse(tube_file(tube), "tube.glb", {}, context);
+  REQUIRE(document.has_value());
+  GltfRemeshOptions options;
+  options.remesh.quads = quads;
+  Expected<std::vector<GltfRemeshed>> surfaces = remesh_gltf(*document, options, context);
+  if (!surfaces) FAIL(surfaces.error().message());
+  return {std::move(*document), std::move(*surfaces)};
+}
+
+}  // namespace
+
+TEST_CASE("gltf characters: at its own count a modelled shell keeps its quads and its vertices", "[gltf][fast]") {
+  const Tube tube{.sides = 12, .rings = 16};  // 192 quads, and 24 triangles of the caps
+  const Character done = made(tube, 204);
+  REQUIRE(done.surfaces.size() == 1);
+  REQUIRE(done.surfaces[0].shells.size() == 1);
+  const GltfShell& shell = done.surfaces[0].shells[0];
+  CHECK(shell.make == GltfMake::kept);
+  CHECK(shell.input_triangles == 408);
+  CHECK(2 * shell.quads + shell.triangles == 408);
+  CHECK(shell.quads >= 192);
+  CHECK(shell.largest == 0);
+  CHECK(gltf_triangle_count(done.document) == 408);
+  // Every quad of the sides is one that the tube was made from: two of its corners above the other two.
+  const QuadMesh& mesh = done.surfaces[0].result.mesh;
+  Index upright = 0;
+  for (Index q = 0; q < mesh.quad_count(); ++q) {
+    std::map<int, int> heights;
+    for (int i = 0; i < 4; ++i) ++heights[static_cast<int>(std::lround(8 * mesh.positions(mesh.quads(q, i), 1)))];
+    upright += heights.size() == 2 && heights.begin()->second == 2;
+  }
+  CHECK(upright == 192);
+  // The places, texture coordinates and displacements of all corners are the input's.
+  Context context;
+  const Expected<GltfDocument> input = GltfDocument::parse(tube_file(tube), "in.glb", {}, context);
+  REQUIRE(input.has_value());
+  for (const char* name : {"TEXCOORD_0", "targets[0].POSITION"}) {
+    INFO(name);
+    const auto corners = [&](const GltfDocument& of) {
+      std::vector<std::vector<float>> all;
+      for (const GltfVertices& one : vertices_with(of, name))
+        for (Eigen::Index c = 0; c < one.triangles.size(); ++c) {
+          const Index v = one.triangles(c / 3, c % 3);
+          std::vector<float>& row = all.emplace_back();
+          for (int k = 0; k < 3; ++k) row.push_back(static_cast<float>(one.positions(v, k)));
+          for (Eigen::Index k = 0; k < one.values.cols(); ++k) row.push_back(static_cast<float>(one.values(v, k)));
+        }
+      std::sort(all.begin(), all.end());
+      return all;
+    };
+    CHECK(corners(done.document) == corners(*input));
+  }
+}
+
+TEST_CASE("gltf characters: fewer quads are whole rows less, on the vertices that were there", "[gltf][fast]") {
+  const Character done = made({.sides = 16, .rings = 24}, 200);
+  const GltfShell& shell = done.surfaces[0].shells[0];
+  CHECK(shell.make != GltfMake::kept);
+  CHECK(std::abs(done.triangles() - 400) <= 20);
+  CHECK(gltf_triangle_count(done.document) == done.triangles());
+  CHECK(shell.largest > 0);
+  CHECK(done.surfaces[0].result.report.valid);
+  if (shell.make != GltfMake::rows) return;
+  const QuadMesh& mesh = done.surfaces[0].result.mesh;
+  for (Index v = 0; v < mesh.vertex_count(); ++v) {
+    const double ring = 12 * mesh.positions(v, 1);
+    CHECK(std::abs(ring - std::round(ring)) < 1e-5);
+  }
+}
+
+TEST_CASE("gltf characters: counts fall with the request, and no material is lost", "[gltf][fast]") {
+  Index before = std::numeric_limits<Index>::max();
+  for (const Index quads : {1000, 400, 200, 100, 50, 25}) {
+    INFO(quads);
+    const Character done = made({.sides = 16, .rings = 24}, quads);
+    CHECK(done.triangles() <= before);
+    before = done.triangles();
+    if (quads >= 50) CHECK(std::abs(done.triangles() - 2 * quads) <= std::max(4.0, 0.1 * quads));
+    const std::vector<GltfVertices> primitives = vertices_with(done.document, "POSITION");
+    REQUIRE(primitives.size() == 2);
+    for (const GltfVertices& one : primitives) CHECK(one.triangles.rows() > 0);
+  }
+}
+
+TEST_CASE("gltf characters: coarse or fine, no morph target parts doubled vertices", "[gltf][fast]") {
+  for (const Index quads : {60, 150, 192, 600}) {
+    const Character done = made({.sides = 16, .rings = 12}, quads);
+    std::map<std::array<double, 3>, Vector3> first;
+    Index doubled = 0;
+    for (const GltfVertices& one : vertices_with(done.document, "targets[0].POSITION"))
+      for (Eigen::Index v = 0; v < one.positions.rows(); ++v) {
+        const Vector3 change = one.values.row(v).transpose();
+        const auto [place, is_new] =
+            first.try_emplace({one.positions(v, 0), one.positions(v, 1), one.positions(v, 2)}, change);
+        doubled += is_new ? 0 : 1;
+        CHECK((place->second - change).norm() < 1e-6);
+      }
+    CHECK(doubled > 5);
+  }
+}
+
+TEST_CASE("gltf characters: a rigid part that hangs on a joint is part of the character", "[gltf][fast]") {
+  CHECK(made({.crate = true}, 150).surfaces.size() == 1);
+  const Character done = made({.crate = true, .hung = true}, 150);
+  REQUIRE(done.surfaces.size() == 2);
+  CHECK(done.surfaces[1].surface.label() == "meshes[1] 'crate'");
+  CHECK(done.surfaces[1].shells[0].due > 0);
+  CHECK(std::abs(gltf_triangle_count(done.document) - 300) <= 15);  // the box counts too
+}
+
+TEST_CASE("gltf characters: skins that agree are one surface, and stay closed", "[gltf][fast]") {
+  Context context;
+  for (const GltfTopology topology : {GltfTopology::best, GltfTopology::field}) {
+    Expected<GltfDocument> document = GltfDocument::parse(tube_file({.parted = true}), "tube.glb", {}, context);
+    REQUIRE(document.has_value());
+    GltfRemeshOptions options;
+    options.remesh.quads = 150;
+    options.topology = topology;
+    const auto done = remesh_gltf(*document, options, context);
+    REQUIRE(done.has_value());
+    CHECK(done->size() == 1);
+    const auto again = gltf_surfaces(*document, {.weld_distance = 1e-7}, {}, context);
+    REQUIRE(again.has_value());
+    REQUIRE(again->size() == 1);
+    CHECK((*again)[0].asset.mesh.closed());
+    CHECK((*again)[0].meshes == std::vector<Index>{0, 1});
+    // Either mesh has its own part, and its own skin.
+    for (const GltfVertices& one : vertices_with(*document, "POSITION")) CHECK(one.triangles.rows() > 50);
+    CHECK(document->json().find("\"mesh\":1,\"skin\":1") != std::string::npos);
+  }
+}
+
+TEST_CASE("gltf characters: flat shading comes out flat, smooth normals stay the file's", "[gltf][fast]") {
+  // The tube has no normals, which glTF draws flat: every face of what is written has one.
+  const Character done = made({}, 150);
+  const std::vector<GltfVertices> normals = vertices_with(done.document, "NORMAL");
+  Index seen = 0;
+  for (const GltfVertices& one : normals)
+    for (Eigen::Index t = 0; t < one.triangles.rows(); ++t) {
+      const auto n = [&](int i) { return Vector3(one.values.row(one.triangles(t, i)).transpose()); };
+      CHECK((n(0) - n(1)).norm() + (n(1) - n(2)).norm() < 1e-6);
+      ++seen;
+    }
+  CHECK(seen > 250);
+}
