@@ -60,7 +60,7 @@ std::vector<Variant> variants() {
       0.05;
   add("thesis directions, posed sizes, joints 3", FieldPreset::thesis, sizing(posed, 4, 3));
   add("default", FieldPreset::standard, std::nullopt);
-  add("default, not fitted", FieldPreset::standard, std::nullopt).fit.rounds = 0;
+  add("default, not fitted", FieldPreset::standard, std::nullopt).fit.method = FitMethod::none;
   return list;
 }
 

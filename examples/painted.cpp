@@ -24,7 +24,7 @@ int main() {
   RemeshOptions options;
   options.quads = 600;
   options.preset = FieldPreset::flat;
-  options.fit.rounds = 0;
+  options.fit.method = FitMethod::none;
   // The stroke: a diagonal across the middle, on the faces under it, exactly so.
   for (Index f = 0; f < asset.mesh.face_count(); ++f) {
     const Vector3 p = asset.mesh.position(asset.mesh.faces()(f, 0));

@@ -53,7 +53,7 @@ RemeshOptions plain_options(Index quads) {
   RemeshOptions options;
   options.quads = quads;
   options.preset = FieldPreset::flat;
-  options.fit.rounds = 0;
+  options.fit.method = FitMethod::none;
   return options;
 }
 /// Alignment that owns its targets.

@@ -33,9 +33,9 @@ enum class FitMethod : std::uint8_t {
 
 struct FitOptions {
   FitMethod method = FitMethod::surface;
-  SlideOptions slide{}; ///< of FitMethod::slide
-  int rounds = 4;       ///< of new places for the samples, each with one least-squares solve
-  double samples = 32;  ///< of the surface, for each quad at least
+  SlideOptions slide{};  ///< of FitMethod::slide
+  int rounds = 4;        ///< of new places for the samples, each with one least-squares solve
+  double samples = 32;   ///< of the surface, for each quad at least
   /// What displacements cost against the squared distance: unlike ones of neighbours, as a whole and along the surface,
   /// and their part along the surface.
   double stiffness = 0.005, shear = 0.01, sliding = 0.01;
@@ -65,6 +65,16 @@ struct FitReport {
   Index dropped_influences = 0;              ///< vertices that have fewer weights than the surface there
   double dropped_error = 0;                  ///< rms over those and the poses of how far that moves a vertex; a length
   int rounds = 0;
+
+  /// Of several parts: the largest of each distance, the sum of counts.
+  FitReport& operator+=(const FitReport& other) {
+    for (const auto length : {&FitReport::rest_before, &FitReport::rest_after, &FitReport::posed_before,
+                              &FitReport::posed_after, &FitReport::largest_move, &FitReport::dropped_error})
+      this->*length = std::max(this->*length, other.*length);
+    dropped_influences += other.dropped_influences;
+    rounds = std::max(rounds, other.rounds);
+    return *this;
+  }
 };
 
 struct FittedQuads {

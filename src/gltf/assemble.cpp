@@ -60,16 +60,17 @@ Eigen::Vector4d source_of(const Job& job, Index face, const Vector3& p) {
 struct MorphNormals {
   std::vector<std::pair<Eigen::Index, Points<double>>> changes;  ///< first column, n×3
 
-  MorphNormals(const Gathered& gathered, const QuadMesh& quads, const Points<double>& normals, Regions& regions) {
+  MorphNormals(const Gathered& gathered, const RemeshResult& result, const Points<double>& normals) {
     for (const Attribute& attribute : gathered.attributes) {
       if (attribute.target == Attribute::no_target || attribute.name != "NORMAL") continue;
-      Eigen::Index offset = -1;
-      for (const Attribute& other : gathered.attributes)
-        if (other.target == attribute.target && other.name == "POSITION") offset = other.first;
-      Points<double> moved = quads.positions;
-      for (Index v = 0; v < quads.vertex_count(); ++v)
-        moved.row(v) += regions.values_at(quads.source[at(v)]).segment<3>(offset).transpose();
-      changes.emplace_back(attribute.first, smooth_normals(quads, moved) - normals);
+      Points<double> moved = result.mesh.positions;
+      std::size_t morph = 0;
+      for (const Attribute& other : gathered.attributes) {
+        if (other.target == Attribute::no_target || other.name != "POSITION") continue;
+        if (other.target == attribute.target) moved += result.morphs[morph];
+        ++morph;
+      }
+      changes.emplace_back(attribute.first, smooth_normals(result.mesh, moved) - normals);
     }
   }
   void put(Index v, Eigen::VectorXd& values) const {
@@ -77,38 +78,22 @@ struct MorphNormals {
   }
 };
 
-/// What each morph target does to the position of a vertex: once a vertex and mesh, whatever the side of a seam, so
-/// that vertices doubled there move as one.
+/// What each morph target does to the position of a vertex, as the fit has it: once a vertex, whatever the side of a
+/// seam, so that vertices doubled there move as one.
 class MorphPositions {
  public:
-  MorphPositions(const Job& job, const QuadMesh& quads, Regions& regions)
-      : job_(job), quads_(quads), regions_(regions) {
+  MorphPositions(const Job& job, const RemeshResult& result) : morphs_(result.morphs) {
     for (const Attribute& a : job.gathered.attributes)
       if (a.target != Attribute::no_target && a.name == "POSITION") columns_.push_back(a.first);
   }
-  /// \param values what the vertex has in that primitive; their displacements are set
-  void put(Index v, Index primitive, Eigen::VectorXd& values) {
-    if (columns_.empty()) return;
-    const auto mesh_of = [&](Index number) { return job_.gathered.primitives[at(number)].mesh; };
-    const SurfacePoint& source = quads_.source[at(v)];
-    const Index below = job_.gathered.surface.source_primitive[at(source.face)];
-    const std::size_t mesh = mesh_of(primitive);
-    const auto [place, is_new] = known_.try_emplace({mesh, v}, columns_.size());
-    std::vector<Vector3>& moved = place->second;
-    // Targets of another mesh are others: of a vertex that lies on one, what its own side of the border has counts.
-    if (is_new) {
-      const Eigen::VectorXd own = mesh_of(below) == mesh ? regions_.values_at(source) : values;
-      for (std::size_t k = 0; k < columns_.size(); ++k) moved[k] = own.segment<3>(columns_[k]);
-    }
-    for (std::size_t k = 0; k < columns_.size(); ++k) values.segment<3>(columns_[k]) = moved[k];
+  /// \param values what the vertex has in a primitive; their displacements are set
+  void put(Index v, Eigen::VectorXd& values) const {
+    for (std::size_t k = 0; k < columns_.size(); ++k) values.segment<3>(columns_[k]) = morphs_[k].row(v).transpose();
   }
 
  private:
-  const Job& job_;
-  const QuadMesh& quads_;
-  const Regions& regions_;
+  const std::vector<Points<double>>& morphs_;
   std::vector<Eigen::Index> columns_;
-  std::map<std::pair<std::size_t, Index>, std::vector<Vector3>> known_;
 };
 
 }  // namespace
@@ -120,22 +105,17 @@ void add_field(Job& job, const RemeshResult& result, Index influences) {
   std::iota(every.begin(), every.end(), 0);
   Regions regions(job.gathered, job.gathered.surface.asset.mesh, every);
   const Points<double> normals = smooth_normals(quads, quads.positions);
-  const MorphNormals morphs(job.gathered, quads, normals, regions);
-  MorphPositions displacements(job, quads, regions);
+  const MorphNormals morphs(job.gathered, result, normals);
+  const MorphPositions displacements(job, result);
   // Values that a vertex has in a primitive: more than one where a seam runs through it.
   std::map<std::pair<Index, Index>, std::vector<Eigen::VectorXd>> variants;
   for (Index q = 0; q < quads.quad_count(); ++q) {
     const Regions::QuadValues values = regions.of_quad(quads, q);
     PrimitiveBuilder& builder = job.builders[at(values.primitive)];
     std::array<Index, 4> corner{};
-    std::array<Vector3, 4> place;
-    for (std::size_t i = 0; i < 4; ++i)
-      place[i] = quads.positions.row(quads.quads(q, static_cast<Eigen::Index>(i))).transpose();
-    const int first = first_corner(place);
-    for (int i = 0; i < 4; ++i) {
-      const int from = (first + i) % 4;
-      const Index v = quads.quads(q, from);
-      const Eigen::VectorXd& own = values.corners[static_cast<std::size_t>(from)];
+    for (int i = 0; i < 4; ++i) {  // the first corner is that of the better diagonal: the fit chose it
+      const Index v = quads.quads(q, i);
+      const Eigen::VectorXd& own = values.corners[static_cast<std::size_t>(i)];
       std::vector<Eigen::VectorXd>& known = variants[{values.primitive, v}];
       std::size_t variant = 0;
       while (variant < known.size() && !regions.alike(known[variant], own)) ++variant;
@@ -144,7 +124,7 @@ void add_field(Job& job, const RemeshResult& result, Index influences) {
       corner[static_cast<std::size_t>(i)] = builder.vertex(key, [&] {
         const Vector3 p = quads.positions.row(v).transpose();
         PrimitiveBuilder::Vertex made{p, normals.row(v).transpose(), own, {}, {}};
-        displacements.put(v, values.primitive, made.values);
+        displacements.put(v, made.values);
         morphs.put(v, made.values);
         made.source = source_of(job, quads.source[at(v)].face, p);
         if (result.weights) made.weights = strongest(*result.weights, v, influences);

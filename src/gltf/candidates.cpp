@@ -169,6 +169,21 @@ std::vector<Index> lines_of(const Gathered& gathered, const Shells& shells, cons
   return lines;
 }
 
+/// Displacements of a part's vertices by each morph target that moves positions, in the order of the attributes.
+std::vector<Points<double>> morphs_of(const Gathered& gathered, const TriangleMesh<double>& part,
+                                      std::span<const Index> faces) {
+  std::vector<Points<double>> morphs;
+  for (const Attribute& attribute : gathered.attributes) {
+    if (attribute.target == Attribute::no_target || attribute.name != "POSITION") continue;
+    Points<double>& morph = morphs.emplace_back(Points<double>::Zero(part.vertex_count(), 3));
+    for (Index h = 0; h < part.halfedge_count(); ++h) {
+      const Index vertex = gathered.corner_vertex[at(3 * faces[at(h / 3)] + h % 3)];
+      morph.row(part.origin(h)) = gathered.values.row(vertex).segment<3>(attribute.first);
+    }
+  }
+  return morphs;
+}
+
 /// \param sharp borders of primitives and edges where normals part are lines of quads
 Expected<FieldQuads> make_field(const Gathered& gathered, const Shells& shells, const Shell& shell, bool sharp,
                                 const GltfRemeshOptions& options, Context& context) {
@@ -178,6 +193,7 @@ Expected<FieldQuads> make_field(const Gathered& gathered, const Shells& shells, 
   RemeshOptions own = field_options(gathered, shells, options);
   own.quads = std::max<Index>(6, static_cast<Index>(std::lround(shell.due / 2)));
   own.features = lines_of(gathered, shells, part.mesh, made.faces, options, sharp, own.quads);
+  own.morphs = morphs_of(gathered, part.mesh, made.faces);
   if (options.on_part) options.on_part(part, made.faces, own);
   Expected<UnfittedQuads> unfitted = remesh_unfitted(part, own, context);
   if (!unfitted) return unfitted.error();
@@ -188,8 +204,7 @@ Expected<FieldQuads> make_field(const Gathered& gathered, const Shells& shells, 
         snap_to_seams(part.mesh, regions, options.least_at_seams, unfitted->on_features, unfitted->mesh, context);
     made.seam_edges = figures.edges;
     made.snapped_edges = figures.on_seams;
-    for (std::size_t v = 0; v < figures.placed.size(); ++v)
-      unfitted->held[v] = unfitted->held[v] || figures.placed[v];
+    for (std::size_t v = 0; v < figures.placed.size(); ++v) unfitted->held[v] = unfitted->held[v] || figures.placed[v];
     unfitted->report.seconds.polish += watch.seconds();
     unfitted->report.seconds.total += watch.seconds();
   }

@@ -20,6 +20,11 @@ void append(RemeshResult& all, const FieldQuads& field) {
   all.mesh.quads.bottomRows(own.quad_count()) = own.quads.array() + vertices;
   for (const SurfacePoint& point : own.source)
     all.mesh.source.push_back({field.faces[at(point.face)], point.barycentric});
+  all.morphs.resize(field.result.morphs.size());
+  for (std::size_t k = 0; k < all.morphs.size(); ++k) {
+    all.morphs[k].conservativeResize(vertices + own.vertex_count(), 3);
+    all.morphs[k].bottomRows(own.vertex_count()) = field.result.morphs[k];
+  }
   const RemeshReport& report = field.result.report;
   if (all.report.components.empty() || report.quads > all.report.quads) {
     all.report.field = report.field;
@@ -27,7 +32,7 @@ void append(RemeshResult& all, const FieldQuads& field) {
   }
   all.report.quads += report.quads;
   all.report.irregular += report.irregular;
-  all.report.valid = all.report.valid && report.valid;
+  all.report.fit += report.fit;
   all.report.components.insert(all.report.components.end(), report.components.begin(), report.components.end());
   all.report.warnings.insert(all.report.warnings.end(), report.warnings.begin(), report.warnings.end());
   all.report.seconds += report.seconds;
@@ -86,7 +91,6 @@ void set_weights(RemeshResult& all, const Asset& asset, const std::vector<const 
 void collect(Job& job, const Shells& shells, GltfRemeshed& done, Index influences) {
   const Asset& asset = job.gathered.surface.asset;
   RemeshResult& result = done.result;
-  result.report.valid = true;
   std::vector<const SkinWeights*> weights;
   result.mesh.positions.resize(0, 3);
   result.mesh.quads.resize(0, 4);
@@ -132,7 +136,6 @@ void collect(Job& job, const Shells& shells, GltfRemeshed& done, Index influence
     report.scaled_jacobian_average += jacobian / result.mesh.quad_count();
     report.scaled_jacobian_minimum = std::min(report.scaled_jacobian_minimum, jacobian);
   }
-  report.valid = report.valid && report.scaled_jacobian_minimum > 0;
   done.remeshed = asset.mesh;
 }
 

@@ -393,7 +393,8 @@ class Finisher {
       return Error{ErrorCode::stage_failed, defect.empty() ? "a quad stays inverted" : defect, "check of the result",
                    "ask for another count or the static preset"};
     context_.progress("done", 1);
-    return RemeshResult{std::move(quads_.mesh), std::move(weights_), std::move(morphs_), std::move(report), std::move(quads_.maps)};
+    return RemeshResult{std::move(quads_.mesh), std::move(weights_), std::move(morphs_), std::move(report),
+                        std::move(quads_.maps)};
   }
 
  private:
@@ -402,7 +403,8 @@ class Finisher {
     const Stopwatch watch;
     std::vector<char> held = std::move(quads_.held);
     for (std::size_t v = 0; v < held.size(); ++v) held[v] = held[v] || quads_.on_features[v];
-    if (options_.fit.method == FitMethod::slide) (void)slide(mesh_, quads_.targets, beside_surface_held(held), options_.fit.slide, quads_.mesh, context_);
+    if (options_.fit.method == FitMethod::slide)
+      (void)slide(mesh_, quads_.targets, beside_surface_held(held), options_.fit.slide, quads_.mesh, context_);
     if (context_.cancelled()) return cancelled_error("fit");
     FitMotion motion;
     const std::vector<Pose> poses = poses_in_force(asset_, options_);

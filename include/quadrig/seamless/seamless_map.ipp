@@ -25,8 +25,8 @@ class SeamlessSolver {
       : mesh_(mesh), unknowns_(unknowns), options_(options), map_(map), context_(context), budget_(budget) {}
 
   [[nodiscard]] Status run() {
-    // Sizes as wanted, where need be less so, at last whatever fits together. Sizes that few quads can hardly follow cost
-    // these their shape.
+    // Sizes as wanted, where need be less so, at last whatever fits together. Sizes that few quads can hardly follow
+    // cost these their shape.
     const double quads = options_.quads > 0 ? options_.quads : target_area(map_.target);
     const double faithful = std::clamp(quads / 30, 16.0, 64.0);
     for (const Scaling& scaling : {Scaling{faithful, 4}, Scaling{4, 4}, Scaling{0.1, 64}}) {
