@@ -75,7 +75,7 @@ int main() {
   quadrig::RemeshOptions options;
   options.quads = 400;
   options.preset = quadrig::FieldPreset::flat;
-  options.fit.method = FitMethod::none;
+  options.fit.method = quadrig::FitMethod::none;
   options.directions.terms = [&](const quadrig::TriangleMesh<double>&, const quadrig::Connection<double>& own,
                                  std::span<const Index> parent) {
     std::vector<Index> under;
