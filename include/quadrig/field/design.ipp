@@ -2,6 +2,7 @@
 #pragma once
 
 #include "quadrig/field.hpp"
+#include "quadrig/field/wanted.hpp"
 
 namespace quadrig {
 
@@ -67,14 +68,6 @@ Status BasicFieldOptions<Scalar>::validate(Index faces) const {
 }
 
 namespace detail {
-
-template <class Scalar>
-struct FieldProblem {
-  const TriangleMesh<Scalar>* mesh;
-  const Connection<Scalar>* connection;
-  const Skeleton* skeleton = nullptr;
-  std::optional<Dominance> dominance;
-};
 
 template <class Scalar>
 SolverFactory<std::complex<Scalar>> factory_of(const BasicFieldOptions<Scalar>& options) {
@@ -231,86 +224,6 @@ Expected<FieldResult> design_thesis_field(const FieldProblem<Scalar>& problem, c
   return finish_field(problem, std::move(polynomial), options, std::move(report), context);
 }
 
-struct ComponentScales {
-  Components components;
-  std::vector<double> area;     // of each component
-  std::vector<double> share;    // of each face in its component's area
-  std::vector<double> average;  // smoothing length of each component as a fraction of sqrt(area)
-};
-
-template <class Scalar>
-ComponentScales component_scales(const TriangleMesh<Scalar>& mesh, double fraction, double length) {
-  ComponentScales scales;
-  scales.components = face_components(mesh);
-  scales.area.assign(static_cast<std::size_t>(scales.components.count), 0.0);
-  const auto component = [&](Index f) {
-    return static_cast<std::size_t>(scales.components.of_face[static_cast<std::size_t>(f)]);
-  };
-  for (Index f = 0; f < mesh.face_count(); ++f) scales.area[component(f)] += mesh.area(f);
-  for (Index f = 0; f < mesh.face_count(); ++f) scales.share.push_back(mesh.area(f) / scales.area[component(f)]);
-  // A component of a few quads would be smoothed flat by a length beyond its own size.
-  for (const double area : scales.area)
-    scales.average.push_back(std::max(fraction, std::min(0.25, length / std::sqrt(area))));
-  return scales;
-}
-
-// Unit crosses along the averaged principal directions; weights grow from 0, where the surface bends alike in all
-// directions or hardly at all, to 1.
-template <class Scalar>
-Expected<PolyVectorTargets> curvature_targets(const FieldProblem<Scalar>& problem, const ComponentScales& scales,
-                                              double fraction, BasicFieldSolver<Scalar>& solver, Context& context) {
-  const TriangleMesh<Scalar>& mesh = *problem.mesh;
-  const auto m = static_cast<std::size_t>(mesh.face_count());
-  const CurvatureMeasure measure = curvature_measure(mesh, *problem.connection);
-  std::vector<Complex> mean(m), deviation(m);
-  for (std::size_t f = 0; f < m; ++f) {
-    const double area = mesh.area(static_cast<Index>(f));
-    mean[f] = measure.mean[f] / area;
-    deviation[f] = measure.deviation[f] / area;
-  }
-  std::vector<double> smoothness = dirichlet_weights(mesh);
-  for (double& each : smoothness) each *= fraction * fraction;
-  const std::array<BasicFieldSystem<Scalar>, 2> systems{
-      BasicFieldSystem<Scalar>{
-          .power = 2, .smoothness = smoothness, .target = deviation, .target_weight = scales.share},
-      BasicFieldSystem<Scalar>{.power = 0, .smoothness = smoothness, .target = mean, .target_weight = scales.share}};
-  auto averaged = solver.minimize(systems, context);
-  if (!averaged) return averaged.error();
-  PolyVectorTargets targets = PolyVectorTargets::none(mesh.face_count());
-  for (std::size_t f = 0; f < m; ++f) {
-    const Complex q = (*averaged)[0][f];
-    const double size = std::abs(q), h = std::abs(std::real((*averaged)[1][f]));
-    const double scale = std::sqrt(scales.area[static_cast<std::size_t>(scales.components.of_face[f])]);
-    if (!(size * scale > 1e-9)) continue;
-    const double pronounced = size / (size + h), bend = size * scale;
-    targets.x0[f] = -(q / size) * (q / size);
-    targets.weight[f] = pronounced * pronounced * bend * bend / (1 + bend * bend);
-  }
-  return targets;
-}
-
-// `sum` may have no entries yet.
-QUADRIG_INLINE void add_targets(PolyVectorTargets& sum, PolyVectorTargets other, double factor,
-                                const Context& context) {
-  if (sum.weight.empty()) {
-    sum = std::move(other);
-    return parallel_each(&context, sum.weight.size(), [&](std::size_t f) {
-      const double weight = factor * sum.weight[f];
-      const bool pulls = weight > 0;
-      sum.x0[f] = pulls ? weight * sum.x0[f] / weight : 0;
-      sum.x1[f] = pulls ? weight * sum.x1[f] / weight : 0;
-      sum.weight[f] = pulls ? weight : 0;
-    });
-  }
-  parallel_each(&context, sum.weight.size(), [&](std::size_t f) {
-    const double weight = factor * other.weight[f], total = sum.weight[f] + weight;
-    if (!(weight > 0)) return;
-    sum.x0[f] = (sum.weight[f] * sum.x0[f] + weight * other.x0[f]) / total;
-    sum.x1[f] = (sum.weight[f] * sum.x1[f] + weight * other.x1[f]) / total;
-    sum.weight[f] = total;
-  });
-}
-
 // Where bones meet, the densities of the two-bone rule along the first bone and across it, within [1, 4].
 template <class Scalar>
 DensityTargets bone_densities(const FieldProblem<Scalar>& problem, const FrameField& frames) {
@@ -405,54 +318,12 @@ Expected<FieldResult> design_smooth_field(const FieldProblem<Scalar>& problem, c
   if (!solver) return solver.error();
   if (context.cancelled()) return cancelled_error("field");
 
-  PolyVectorTargets targets;
-  const double bone_weight = options.bone_weight.value_or(flat ? 0.0 : 1.0);
-  const double curvature_weight = options.curvature_weight.value_or(flat ? 1.0 : 0.0);
-  std::vector<double> beta(m, 0.5);
-  if (problem.dominance && bone_weight > 0) {
-    add_targets(targets, bone_targets(mesh, connection, *problem.skeleton, *problem.dominance, {}, &context),
-                bone_weight, context);
-    if (context.cancelled()) return cancelled_error("field");
-    for (std::size_t f = 0; f < m; ++f) beta[f] = bone_beta(*problem.dominance, static_cast<Index>(f));
-  }
-  if (curvature_weight > 0) {
-    auto curved = curvature_targets(problem, scales, options.curvature_length, *solver, context);
-    if (!curved) return curved.error();
-    add_targets(targets, std::move(*curved), curvature_weight, context);
-  }
-  if (options.targets) add_targets(targets, *options.targets, 1, context);
-  if (targets.weight.empty()) targets = PolyVectorTargets::none(mesh.face_count());
+  auto wanted = wanted_crosses(problem, options, flat, scales, *solver, context);
+  if (!wanted) return wanted.error();
+  const auto& [targets, beta] = *wanted;
   if (context.cancelled()) return cancelled_error("field");
-
-  // Given directions first, then borders, features, and creases: a face keeps the first it gets.
-  std::vector<char> held(m, 0);
-  std::vector<typename BasicFieldSystem<Scalar>::Fixed> fixed0, fixed1;
-  const auto hold = [&](const std::vector<FixedDirection>& directions) {
-    for (const FixedDirection& each : directions) {
-      if (std::exchange(held[static_cast<std::size_t>(each.face)], char{1})) continue;
-      fixed0.push_back({each.face, -integer_power(each.direction / std::abs(each.direction), 4)});
-      fixed1.push_back({each.face, Complex{}});
-    }
-  };
-  hold(options.fixed);
-  if (options.follow_boundary) hold(directions_along(mesh, connection, boundary_halfedges(mesh)));
-  if (!options.features.empty()) hold(directions_along(mesh, connection, options.features));
-  if (const double limit = options.crease_angle_radians.value_or(flat ? 0.7 : std::numbers::pi);
-      limit < std::numbers::pi) {
-    const auto least_length = [&](Index f) {
-      const auto c = static_cast<std::size_t>(scales.components.of_face[static_cast<std::size_t>(f)]);
-      return options.crease_length * std::sqrt(scales.area[c]);
-    };
-    const auto along =
-        directions_along(mesh, connection, crease_halfedges(mesh, limit, function_ref<double(Index)>(least_length)));
-    if (along.size() * 5 <= m)
-      hold(along);
-    else
-      context.warn("field",
-                   std::to_string(along.size()) + " of " + std::to_string(m) +
-                       " faces lie beside sharp edges: taken for a coarse or rough surface, no crease is held");
-  }
-  report.fixed_faces = static_cast<Index>(fixed0.size());
+  const HeldCrosses<Scalar> fixed = held_crosses(problem, options, flat, scales, context);
+  report.fixed_faces = static_cast<Index>(fixed.x0.size());
 
   if (context.cancelled()) return cancelled_error("field");
   // Energies are shares: divided by each component's area, lengths are fractions of its size.
@@ -463,7 +334,7 @@ Expected<FieldResult> design_smooth_field(const FieldProblem<Scalar>& problem, c
     const auto c = static_cast<std::size_t>(scales.components.of_face[f]);
     align[f] = scales.share[f] * targets.weight[f];
     orthogonality[f] = scales.share[f] * beta[f];
-    pull[c] += align[f] + (held[f] ? 1.0 : 0.0);
+    pull[c] += align[f] + (fixed.held[f] ? 1.0 : 0.0);
   }
   std::vector<double> smoothness = dirichlet_weights(mesh, beta, &context);
   for (std::size_t h = 0; h < smoothness.size(); ++h) {
@@ -485,7 +356,7 @@ Expected<FieldResult> design_smooth_field(const FieldProblem<Scalar>& problem, c
                                                                          .target = targets.x0,
                                                                          .target_weight = align,
                                                                          .own_terms = options.own_terms_x0,
-                                                                         .fixed = fixed0,
+                                                                         .fixed = fixed.x0,
                                                                          .unpinned = unpinned,
                                                                          .mass = scales.share,
                                                                          .start = start}};
@@ -496,7 +367,7 @@ Expected<FieldResult> design_smooth_field(const FieldProblem<Scalar>& problem, c
                                                .target_weight = align,
                                                .shrink = orthogonality,
                                                .own_terms = options.own_terms_x1,
-                                               .fixed = fixed1});
+                                               .fixed = fixed.x1});
   auto solved = solver->minimize(systems, context);
   if (!solved) return solved.error();
   PolyVectorField polynomial{std::move((*solved)[0]), skewed ? std::move((*solved)[1]) : std::vector<Complex>(m)};
