@@ -92,6 +92,7 @@ Status remesh_files(RemeshCommand options, Session& session) {
     return Error{ErrorCode::bad_option, options.quads.empty() ? "is empty" : "are more than 16 counts", "--quads",
                  options.quads.empty() ? "give a count" : "give fewer"};
   options.remesh.quads = options.quads.front();
+  options.input.quads = options.remesh.quads;
   if (!weights_out.empty() && input.files.rig.empty())
     return Error{ErrorCode::bad_option, "weights asked of an asset without a rig", weights_out.string(),
                  "give --rig and --weights"};
@@ -161,7 +162,7 @@ Status remesh_files(RemeshCommand options, Session& session) {
     const Json report = report_json(options, *loaded, r, read_seconds, session.context.warnings);
     if (Status status = files.add(options.report, report_text(report)); !status) return status;
   }
-  if (Status status = files.commit(); !status) return status;
+  if (Status status = session.commit(files); !status) return status;
   std::string line =
       options.output.string() + ": " + std::to_string(r.quads) + " quads, " + std::to_string(r.irregular) +
       " irregular vertices, scaled Jacobian " + decimals(r.scaled_jacobian_average, 3) + " on average and " +

@@ -83,11 +83,13 @@ struct MorphNormals {
   std::vector<std::pair<Eigen::Index, Points<double>>> changes;  ///< first column, n×3
 
   MorphNormals(const Gathered& gathered, const QuadMesh& quads, const Points<double>& normals, Regions& regions) {
+    std::map<std::size_t, Eigen::Index> position_of;  // a target
+    for (const Attribute& attribute : gathered.attributes)
+      if (attribute.target != Attribute::no_target && attribute.name == "POSITION")
+        position_of[attribute.target] = attribute.first;
     for (const Attribute& attribute : gathered.attributes) {
       if (attribute.target == Attribute::no_target || attribute.name != "NORMAL") continue;
-      Eigen::Index offset = -1;
-      for (const Attribute& other : gathered.attributes)
-        if (other.target == attribute.target && other.name == "POSITION") offset = other.first;
+      const Eigen::Index offset = position_of.at(attribute.target);  // gather gives every target one
       Points<double> moved = quads.positions;
       for (Index v = 0; v < quads.vertex_count(); ++v)
         moved.row(v) += regions.values_at(quads.source[at(v)]).segment<3>(offset).transpose();
@@ -189,7 +191,7 @@ void write_back(State& state, const Job& job, GltfRemeshed& done, bool source_ma
       context.warn("gltf", numbered("meshes", at(m)) + " is smaller than a quad and stays as it is");
       continue;
     }
-    Json kept = Json::array();
+    LocalJson kept = Json::array();
     for (std::size_t k = 0; k < builder_of.size(); ++k) {
       if (builder_of[k] == static_cast<std::size_t>(-1)) {
         kept.push_back(primitives[k]);
@@ -201,12 +203,12 @@ void write_back(State& state, const Job& job, GltfRemeshed& done, bool source_ma
                                  " is smaller than a quad and is left out");
         continue;
       }
-      const Json old = primitives[k];
+      const LocalJson old = Json(primitives[k]);
       kept.push_back(builder.write(state, old, gathered, gathered.primitives[builder_of[k]], source_map));
       done.written_vertices += builder.vertex_count();
       ++done.written_primitives;
     }
-    state.json["meshes"][at(m)]["primitives"] = std::move(kept);
+    replace(state.json["meshes"][at(m)]["primitives"], std::move(kept));
     state.edited = true;
   }
 }
@@ -218,13 +220,15 @@ void drop_unused_extension(State& state, const char* name) {
       if (const Json* extensions = member(primitive, "extensions"); extensions && member(*extensions, name)) return;
   for (const char* list : {"extensionsUsed", "extensionsRequired"}) {
     if (array_of(state.json, list).empty()) continue;
-    Json kept = Json::array();
+    LocalJson kept = Json::array();
     for (const Json& one : state.json[list])
       if (one != name) kept.push_back(one);
-    if (kept.empty())
+    if (kept.empty()) {
+      dismantle(state.json[list]);
       state.json.erase(list);
-    else
-      state.json[list] = std::move(kept);
+    } else {
+      replace(state.json[list], std::move(kept));
+    }
   }
 }
 
@@ -274,6 +278,7 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
   std::vector<gltf::Job> jobs;
   const Error* failed = nullptr;
   bool any = false;
+  gltf::Budget written;
   for (std::size_t s = 0; s < gathered->size(); ++s) {
     gltf::Job job;
     job.gathered = std::move((*gathered)[s]);
@@ -284,6 +289,15 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
       done.failures.push_back({job.gathered.surface.label(), *job.gathered.failure});
     } else if (shells[s].kept_area > 0) {
       const double quads = options.remesh.quads * shells[s].kept_area / whole;
+      // Each vertex that is written carries all columns, some times over: how many quads is the caller's choice, how
+      // many columns beyond what any surface has is the file's.
+      constexpr std::size_t usual_columns = 64;
+      const auto columns =
+          std::max(static_cast<std::size_t>(job.gathered.values.cols()), usual_columns) - usual_columns;
+      if (Status status = gltf::charge(state, written, static_cast<std::size_t>(4 * quads), columns,
+                                       job.gathered.surface.label() + ": what the vertices of the quads carry");
+          !status)
+        return status.error();
       context.log(job.gathered.surface.label());
       const ProgressPart progress(context, begun / whole, (begun + shells[s].kept_area) / whole);
       begun += shells[s].kept_area;

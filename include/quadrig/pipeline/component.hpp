@@ -15,6 +15,7 @@ struct RemeshShared {
   const SizeField* sizes = nullptr;     ///< null: the field's own magnitudes
   const PosedMetric* metric = nullptr;  ///< null: no posed directions
   const EdgeMarks& kept;                ///< of the asset's mesh
+  std::size_t parts = 1;                ///< components
 };
 
 struct ComponentResult {

@@ -8,6 +8,7 @@
 #include "quadrig/pipeline/features.hpp"
 #include "quadrig/pipeline/map_stage.hpp"
 #include "quadrig/pipeline/piece.hpp"
+#include "quadrig/pipeline/shares.hpp"
 #include "quadrig/simplify.hpp"
 
 namespace quadrig::detail {
@@ -91,6 +92,10 @@ class ComponentRemesher {
     const std::int64_t all_mapping =
         1'500'000 + 10 * std::int64_t{stand_in_faces_} + 20 * std::int64_t{original_.asset.mesh.face_count()};
     mapping_ = all_mapping;
+
+    // Crumbs: a map of each would take longer than that of a surface as large as all of them.
+    constexpr std::size_t many_parts = 500;
+    if (shared_.parts > many_parts && quads_ <= least_quads) return split();
 
     bool first = true, kept_last = false;
     int poor = 0;  // attempts begun since there were quads that are valid but poor

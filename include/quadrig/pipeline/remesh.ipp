@@ -177,13 +177,19 @@ class Remesher {
     const bool posed = sizing_.density == DensitySource::posed || options_.directions.posed > 0;
     if (!posed && sizing_.density != DensitySource::rest) return {};
     if (posed && asset_.rig) {
-      std::vector<Pose> bends;
-      if (options_.poses.empty()) bends = bend_poses(asset_.rig->skeleton, options_.bend_degrees);
-      const std::vector<Pose>& poses = options_.poses.empty() ? bends : options_.poses;
       PosedForms::Options form_options;
-      form_options.pose_weights = options_.poses.empty() ? std::vector<double>{} : options_.pose_weights;
-      Expected<PosedForms> forms =
-          PosedForms::create(mesh_, connection, asset_.rig->weights, poses, form_options, context_);
+      SurfaceBends bends;
+      const bool bent = options_.poses.empty();
+      if (bent) {
+        bends = surface_bends(asset_.rig->skeleton, asset_.rig->weights, options_.bend_degrees);
+        form_options.rest_weight += bends.still;  // in these poses the surface has its rest shape
+        if (bends.left_out > 0)
+          context_.warn("metric", std::to_string(bends.left_out) + " bones are not bent, since there are so many");
+      } else {
+        form_options.pose_weights = options_.pose_weights;
+      }
+      Expected<PosedForms> forms = PosedForms::create(mesh_, connection, bent ? bends.weights : asset_.rig->weights,
+                                                      bent ? bends.poses : options_.poses, form_options, context_);
       if (!forms) return forms.error();
       sizes_.forms = std::move(*forms);
       if (options_.fit.rounds > 0) fit_targets_.set_bending(connection, sizes_.forms, context_);
@@ -216,7 +222,8 @@ class Remesher {
     if (context_.cancelled()) return cancelled_error("remesh");
     const EdgeMarks kept = kept_edges(mesh_, options_);
     const RemeshShared shared{
-        asset_, connection, options_, sizing_, sized() ? &sizes_ : nullptr, metric_ ? &*metric_ : nullptr, kept};
+        asset_, connection,   options_, sizing_, sized() ? &sizes_ : nullptr, metric_ ? &*metric_ : nullptr,
+        kept,   faces_.size()};
     // Progress is for the caller's thread: that of the parts it remeshes, and the faces of those that are done.
     const std::thread::id caller = std::this_thread::get_id();
     std::atomic<Index> done{0};
