@@ -184,9 +184,9 @@ TEST_CASE("from_uv: the library's own map read back is the same map", "[extract]
   double apart = 0;  // both sides of an edge want the same
   for (Index h = 0; h < c.mesh.halfedge_count(); ++h)
     if (const Index g = c.mesh.twin(h); g != no_index)
-      apart = std::max(apart, std::abs(again.target[quadrig::detail::at(h)] +
-                                       rotated(again.target[quadrig::detail::at(g)],
-                                               -again.cut.rotation[quadrig::detail::at(h)])));
+      apart = std::max(
+          apart, std::abs(again.target[quadrig::detail::at(h)] +
+                          rotated(again.target[quadrig::detail::at(g)], -again.cut.rotation[quadrig::detail::at(h)])));
   CHECK(apart < 1e-8);
   const IntegerMap integers = integer_map(c.mesh, again, IntegerOptions{.quads = 500}, context).value();
   const QuadMesh quads = quad_mesh(c.mesh, extract(c.mesh, again, integers, context).value());

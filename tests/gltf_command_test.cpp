@@ -74,6 +74,20 @@ TEST_CASE("command: several counts make one file each, all or none", "[cli][gltf
   CHECK(has(read_text(folder / "one.glb"), "\"_SOURCE\""));
 }
 
+TEST_CASE("command: an expression that goes back over what it read takes no time", "[cli][gltf][fast]") {
+  const ScratchFolder folder("gltf-command");
+  std::string json = tube_file({.as_json = true});
+  const std::string name = "\"name\":\"tube\"";
+  const auto place = json.find(name);
+  REQUIRE(place != std::string::npos);
+  json.replace(place, name.size(), "\"name\":\"" + std::string(200, 'a') + "!\"");
+  write_text(folder / "in.gltf", json);
+  for (const char* expression : {"(a+)+", "(a|aa)+", "(a*)*b", "a.*a.*a.*a.*b"})
+    CHECK(run_quadrig(folder, "remesh in.gltf --quads 100 -o out.glb --select '" + std::string(expression) + "'")
+              .exit_code == 2);
+  CHECK(run_quadrig(folder, "remesh in.gltf --quads 100 -o out.glb --select '(a+)+!'").exit_code == 0);
+}
+
 TEST_CASE("command: stats bends quads by the clips of a glTF file", "[cli][gltf][slow]") {
   const ScratchFolder folder("gltf-command");
   write_text(folder / "in.glb", tube_file());

@@ -203,6 +203,33 @@ TEST_CASE("gltf: a fault is an error that names its place", "[gltf]") {
   CHECK(says(message("{\"asset\":{\"version\":\"2.0\"}}"), "no triangles"));
 }
 
+TEST_CASE("gltf: what a file asks for is held against its bytes", "[gltf]") {
+  const auto file = [](const std::string& primitives, const std::string& accessors) {
+    return "{\"asset\":{\"version\":\"2.0\"},\"nodes\":[{\"mesh\":0}],\"meshes\":[{\"primitives\":[" + primitives +
+           "]}],\"accessors\":[" + accessors + "]}";
+  };
+  const auto refused = [](const std::string& bytes) {
+    const auto surfaces = surfaces_of(bytes);
+    REQUIRE_FALSE(surfaces.has_value());
+    UNSCOPED_INFO(surfaces.error().message());
+    return surfaces.error().code == ErrorCode::bad_input &&
+           surfaces.error().what.find("asks for more than") != std::string::npos;
+  };
+  const std::string few = "{\"type\":\"VEC3\",\"componentType\":5126,\"count\":3}";
+  // No bytes are behind these, so nothing but the sum of the counts tells.
+  CHECK(refused(
+      file("{\"attributes\":{\"POSITION\":0}}", "{\"type\":\"VEC3\",\"componentType\":5126,\"count\":60000000}")));
+  CHECK(refused(file("{\"attributes\":{\"POSITION\":0},\"indices\":1}",
+                     few + ",{\"type\":\"SCALAR\",\"componentType\":5125,\"count\":60000000}")));
+  std::string primitives;
+  for (int k = 0; k < 1000; ++k) primitives += std::string(k > 0 ? "," : "") + "{\"attributes\":{\"POSITION\":0}}";
+  CHECK(refused(file(primitives, "{\"type\":\"VEC3\",\"componentType\":5126,\"count\":300000}")));
+  std::string targets;
+  for (int k = 0; k < 10000; ++k) targets += std::string(k > 0 ? "," : "") + "{\"POSITION\":0,\"NORMAL\":0}";
+  CHECK(refused(file("{\"attributes\":{\"POSITION\":0},\"targets\":[" + targets + "]}",
+                     "{\"type\":\"VEC3\",\"componentType\":5126,\"count\":3000}")));
+}
+
 TEST_CASE("gltf: the dragon is one dragon however its numbers are stored", "[gltf]") {
   const auto root = corpus("quirks");
   if (!root) return;

@@ -75,6 +75,70 @@ TEST_CASE("skinning: each bone bends both ways about two axes across it", "[skin
   CHECK((poses[0][0] * Vector3(1, 0, 0) - Vector3(0.5, 0, -std::sqrt(3.0) / 2)).norm() < 1e-12);
 }
 
+TEST_CASE("skinning: the bends of a surface are those of all bones, without the ones that leave it as it is",
+          "[skinning][fast]") {
+  // 0 - 1 - 2 - 3, 1 - 4, 0 - 5; 2 and 5 carry weight, or 2, 3 and 4: what is above and below them does not.
+  Skeleton skeleton;
+  for (const Index parent : {no_index, 0, 1, 2, 1, 0}) {
+    Bone bone;
+    bone.parent = parent;
+    bone.head = Vector3(0.1 * skeleton.bone_count(), 1, 0);
+    bone.tail = bone.head + Vector3(1, 0.3 * skeleton.bone_count(), 0.2);
+    skeleton.bones.push_back(bone);
+  }
+  const Points<double> points = Points<double>::Random(40, 3);
+  for (const std::vector<Index>& used : {std::vector<Index>{2, 5}, {2, 3, 4}, {1}, {0, 1, 2, 3, 4, 5}}) {
+    SkinWeights weights(40, 6);
+    for (Index v = 0; v < 40; ++v)
+      for (const Index b : used) weights.insert(v, b) = 1.0 / static_cast<double>(used.size());
+    const SurfaceBends bends = surface_bends(skeleton, weights);
+    CHECK(bends.weights.cols() == static_cast<Index>(used.size()));
+    CHECK(bends.left_out == 0);
+    std::size_t next = 0;
+    Index still = 0;
+    for (const Pose& pose : bend_poses(skeleton)) {
+      bool moves = false, rests = false;
+      for (const Index b : used) {
+        const bool own = pose[static_cast<std::size_t>(b)].matrix() != Eigen::Matrix4d::Identity();
+        (own ? moves : rests) = true;
+      }
+      if (!moves || !rests) {
+        ++still;
+        continue;
+      }
+      REQUIRE(next < bends.poses.size());
+      CHECK(skin(points, bends.weights, bends.poses[next]) == skin(points, weights, pose));
+      ++next;
+    }
+    CHECK(next == bends.poses.size());
+    CHECK(still == bends.still);
+  }
+  SkinWeights all(1, 6);
+  for (Index b = 0; b < 6; ++b) all.insert(0, b) = (1 + b) / 21.0;
+  const SurfaceBends few = surface_bends(skeleton, all, 60, 2 * 4 * 6);  // two bones, those with most weight
+  CHECK(few.poses.size() == 8);
+  CHECK(few.left_out == 3);  // 0 carries the surface along whole
+  CHECK(few.poses.front()[4].matrix() != Eigen::Matrix4d::Identity());
+  CHECK(few.poses.back()[5].matrix() != Eigen::Matrix4d::Identity());
+}
+
+TEST_CASE("skinning: a chain of many bones bends in little time and memory", "[skinning][fast]") {
+  constexpr Index count = 100'000;
+  Skeleton skeleton;
+  for (Index b = 0; b < count; ++b) {
+    Bone bone;
+    bone.parent = b - 1;
+    bone.tail = Vector3(1, 0, 0);
+    skeleton.bones.push_back(bone);
+  }
+  CHECK(bones_below(skeleton, 10).size() == count - 10);
+  SkinWeights weights(2, count);
+  weights.insert(0, 3) = weights.insert(1, count - 1) = 1;
+  const SurfaceBends bends = surface_bends(skeleton, weights, 60, 1000);
+  CHECK(bends.poses.size() == 500);
+  CHECK(bends.left_out == count - 4 - 125);
+}
+
 TEST_CASE("skinning: points that one bone holds move with it by either method", "[skinning][fast]") {
   Points<double> points(3, 3);
   points << 1, 2, 3, -1, 0.5, 0, 0, 0, 1;

@@ -253,14 +253,30 @@ inline SurfaceHit walk_closest(const TriangleMesh<double>& mesh, const Vector3& 
     return hit;
   };
   SurfaceHit best = on_face(start.face);
+  constexpr int most_around = 256, most_beside = 32;
   for (;;) {
     const Index centre = best.face;
-    for (int i = 0; i < 3; ++i)
-      for (const Index h : mesh.around(mesh.faces()(centre, i))) {
-        if (mesh.face_of(h) == centre) continue;
-        const SurfaceHit hit = on_face(mesh.face_of(h));
-        if (hit.squared_distance < best.squared_distance) best = hit;
+    const auto look_at = [&](Index h) {
+      if (h / 3 == centre) return;
+      const SurfaceHit hit = on_face(h / 3);
+      if (hit.squared_distance < best.squared_distance) best = hit;
+    };
+    for (int i = 0; i < 3; ++i) {
+      const Index first = mesh.outgoing(mesh.faces()(centre, i));
+      int count = 0;
+      for (Index h = first; h != no_index && count < most_around; ++count) {
+        look_at(h);
+        h = mesh.next_around(h);
+        if (h == first) break;
       }
+      if (count < most_around) continue;
+      // Of a fan that wide those beside the centre: the walk goes around it in steps.
+      Index h = 3 * centre + i;
+      for (int k = 0; k < most_beside && (h = mesh.next_around(h)) != no_index; ++k) look_at(h);
+      h = 3 * centre + i;
+      for (int k = 0; k < most_beside && (h = mesh.twin(h)) != no_index; ++k)
+        look_at(h = TriangleMesh<double>::next(h));
+    }
     if (best.face == centre) return best;  // the distance falls with every step, so no face is the centre twice
   }
 }

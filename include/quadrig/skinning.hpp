@@ -1,6 +1,8 @@
 // Poses applied to points: linear blend and dual quaternion skinning, and the bends that a rig is tested with.
 #pragma once
 
+#include <algorithm>
+#include <array>
 #include <numbers>
 #include <span>
 
@@ -30,6 +32,20 @@ enum class Skinning : std::uint8_t {
 /// zero length is treated as if it ran along x.
 [[nodiscard]] std::vector<Pose> bend_poses(const Skeleton& skeleton, double degrees = 60);
 
+/// Those of bend_poses in which a surface bends, for the bones that carry weight alone.
+struct SurfaceBends {
+  SkinWeights weights;       ///< n×c, the columns of the bones that carry weight
+  std::vector<Index> bones;  ///< c: these bones, ascending
+  std::vector<Pose> poses;   ///< c transforms each, in the order of bend_poses
+  Index still = 0;           ///< poses that are not among them: the surface is carried along whole, or not at all
+  Index left_out = 0;        ///< bones beyond the most, whose poses count as still
+};
+/// Where the poses would be of more than `most_transforms` transforms together, those bones bend that carry most
+/// weight. \pre weights has one column a bone \cost O(n + b log b + p c) time and memory for b bones and p poses.
+/// \fails never.
+[[nodiscard]] SurfaceBends surface_bends(const Skeleton& skeleton, const SkinWeights& weights, double degrees = 60,
+                                         Index most_transforms = 1 << 20);
+
 /// At most `most` frames of the clips together, each clip by its share of the frames (at least one), evenly spaced and
 /// with its first. \pre most > 0
 [[nodiscard]] std::vector<Pose> clip_poses(std::span<const Clip> clips, Index most);
@@ -52,24 +68,51 @@ requires(RuntimeColumns<Arguments> || ...) void skin(const Arguments&...) = dele
 // Definitions ------------------------------------------------------------------------------------------------------
 
 inline std::vector<Index> bones_below(const Skeleton& skeleton, Index bone) {
-  const Index count = skeleton.bone_count();
-  std::vector<Index> below;
-  for (Index b = 0; b < count; ++b) {
-    Index up = b;
-    for (Index steps = 0; up != no_index && up != bone && steps < count; ++steps)
-      up = skeleton.bones[static_cast<std::size_t>(up)].parent;
-    if (up == bone) below.push_back(b);
+  enum : signed char { unknown, walking, yes, no };
+  const auto count = static_cast<std::size_t>(skeleton.bone_count());
+  std::vector<signed char> below(count, unknown);
+  below[static_cast<std::size_t>(bone)] = yes;
+  std::vector<Index> path, all;
+  for (std::size_t b = 0; b < count; ++b) {
+    path.clear();
+    Index up = static_cast<Index>(b);
+    for (; up != no_index && below[static_cast<std::size_t>(up)] == unknown;
+         up = skeleton.bones[static_cast<std::size_t>(up)].parent) {
+      below[static_cast<std::size_t>(up)] = walking;
+      path.push_back(up);
+    }
+    const signed char found = up != no_index && below[static_cast<std::size_t>(up)] == yes ? yes : no;
+    for (const Index walked : path) below[static_cast<std::size_t>(walked)] = found;
+    if (below[b] == yes) all.push_back(static_cast<Index>(b));
   }
-  return below;
+  return all;
 }
 
-inline Pose bend(const Skeleton& skeleton, Index bone, const Vector3& axis, double radians) {
-  const Vector3 head = skeleton.bones[static_cast<std::size_t>(bone)].head;
+namespace detail {
+
+/// The two axes across a bone that bend_poses turns it about.
+inline std::array<Vector3, 2> bend_axes(const Bone& bone) {
+  Vector3 d = bone.tail - bone.head;
+  if (!(d.norm() > 0)) d = Vector3::UnitX();
+  const Vector3 a = d.cross(std::abs(d.z()) < 0.9 * d.norm() ? Vector3::UnitZ() : Vector3::UnitX());
+  return {a, d.cross(a)};
+}
+
+/// The turn about the head of the bone.
+inline Eigen::Affine3d bend_transform(const Bone& bone, const Vector3& axis, double radians) {
   const Eigen::Matrix3d turn = Eigen::AngleAxisd(radians, axis.normalized()).toRotationMatrix();
   Eigen::Affine3d transform;
   transform.linear() = turn;
-  transform.translation() = head - turn * head;
+  transform.translation() = bone.head - turn * bone.head;
   transform.makeAffine();
+  return transform;
+}
+
+}  // namespace detail
+
+inline Pose bend(const Skeleton& skeleton, Index bone, const Vector3& axis, double radians) {
+  const Eigen::Affine3d transform =
+      detail::bend_transform(skeleton.bones[static_cast<std::size_t>(bone)], axis, radians);
   Pose pose = rest_pose(skeleton);
   for (const Index b : bones_below(skeleton, bone)) pose[static_cast<std::size_t>(b)] = transform;
   return pose;
@@ -77,16 +120,92 @@ inline Pose bend(const Skeleton& skeleton, Index bone, const Vector3& axis, doub
 
 inline std::vector<Pose> bend_poses(const Skeleton& skeleton, double degrees) {
   std::vector<Pose> poses;
-  for (Index b = 0; b < skeleton.bone_count(); ++b) {
-    const Bone& bone = skeleton.bones[static_cast<std::size_t>(b)];
-    Vector3 d = bone.tail - bone.head;
-    if (!(d.norm() > 0)) d = Vector3::UnitX();
-    const Vector3 a = d.cross(std::abs(d.z()) < 0.9 * d.norm() ? Vector3::UnitZ() : Vector3::UnitX());
-    for (const Vector3& axis : {a, Vector3(d.cross(a))})
+  for (Index b = 0; b < skeleton.bone_count(); ++b)
+    for (const Vector3& axis : detail::bend_axes(skeleton.bones[static_cast<std::size_t>(b)]))
       for (const double sign : {-1.0, 1.0})
         poses.push_back(bend(skeleton, b, axis, sign * degrees * std::numbers::pi / 180));
-  }
   return poses;
+}
+
+inline SurfaceBends surface_bends(const Skeleton& skeleton, const SkinWeights& weights, double degrees,
+                                  Index most_transforms) {
+  const auto at = [](Index i) { return static_cast<std::size_t>(i); };
+  const Index count = skeleton.bone_count();
+  std::vector<double> carried(at(count), 0.0);
+  for (Index v = 0; v < weights.rows(); ++v)
+    for (SkinWeights::InnerIterator it(weights, v); it; ++it) carried[at(static_cast<Index>(it.col()))] += it.value();
+  std::vector<Index> column(at(count), no_index);  // of the bones that carry weight
+  Index columns = 0;
+  SurfaceBends result;
+  for (Index b = 0; b < count; ++b)
+    if (carried[at(b)] > 0) {
+      column[at(b)] = columns++;
+      result.bones.push_back(b);
+    }
+
+  // Bones in the order of a walk down the tree: what is below one follows it. Rings of parents have no place in it.
+  std::vector<std::vector<Index>> children(at(count));
+  std::vector<Index> stack, walk, first(at(count), no_index), last(at(count), no_index), used_before(1, 0);
+  for (Index b = count; b-- > 0;)
+    if (const Index parent = skeleton.bones[at(b)].parent; parent == no_index)
+      stack.push_back(b);
+    else
+      children[at(parent)].push_back(b);
+  while (!stack.empty()) {
+    const Index b = stack.back();
+    if (first[at(b)] == no_index) {
+      first[at(b)] = static_cast<Index>(walk.size());
+      walk.push_back(b);
+      used_before.push_back(used_before.back() + (column[at(b)] != no_index ? 1 : 0));
+      stack.insert(stack.end(), children[at(b)].begin(), children[at(b)].end());
+      continue;
+    }
+    stack.pop_back();
+    last[at(b)] = static_cast<Index>(walk.size());
+  }
+  const auto below = [&](Index b) {
+    return first[at(b)] == no_index ? bones_below(skeleton, b)
+                                    : std::vector<Index>(walk.begin() + first[at(b)], walk.begin() + last[at(b)]);
+  };
+  std::vector<Index> bent;
+  for (Index b = 0; b < count; ++b) {
+    Index used = 0;
+    if (first[at(b)] != no_index)
+      used = used_before[at(last[at(b)])] - used_before[at(first[at(b)])];
+    else
+      for (const Index under : below(b)) used += column[at(under)] != no_index ? 1 : 0;
+    if (used > 0 && used < columns) bent.push_back(b);
+  }
+  const Index most_bones = most_transforms / std::max(4 * columns, Index{1});
+  if (static_cast<Index>(bent.size()) > most_bones) {
+    result.left_out = static_cast<Index>(bent.size()) - most_bones;
+    std::stable_sort(bent.begin(), bent.end(), [&](Index a, Index b) { return carried[at(a)] > carried[at(b)]; });
+    bent.resize(at(most_bones));
+    std::sort(bent.begin(), bent.end());
+  }
+  for (const Index b : bent) {
+    std::vector<Index> moved;
+    for (const Index under : below(b))
+      if (column[at(under)] != no_index) moved.push_back(column[at(under)]);
+    const Bone& bone = skeleton.bones[at(b)];
+    for (const Vector3& axis : detail::bend_axes(bone))
+      for (const double sign : {-1.0, 1.0}) {
+        Pose& pose = result.poses.emplace_back(at(columns), Eigen::Affine3d::Identity());
+        const Eigen::Affine3d turn = detail::bend_transform(bone, axis, sign * degrees * std::numbers::pi / 180);
+        for (const Index c : moved) pose[at(c)] = turn;
+      }
+  }
+  result.still = 4 * count - static_cast<Index>(result.poses.size());
+  result.weights.resize(weights.rows(), columns);
+  result.weights.reserve(weights.nonZeros());
+  for (Index v = 0; v < weights.rows(); ++v) {
+    result.weights.startVec(v);
+    for (SkinWeights::InnerIterator it(weights, v); it; ++it)
+      if (const Index c = column[at(static_cast<Index>(it.col()))]; c != no_index)
+        result.weights.insertBack(v, c) = it.value();
+  }
+  result.weights.finalize();
+  return result;
 }
 
 inline std::vector<Pose> clip_poses(std::span<const Clip> clips, Index most) {

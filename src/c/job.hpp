@@ -49,6 +49,10 @@ namespace quadrig::c {
   return quadrig_internal_error;
 }
 
+inline void keep_warnings(quadrig_job& job, const Context& context) {
+  for (const Warning& warning : context.warnings) job.warnings.push_back(warning.stage + ": " + warning.text);
+}
+
 /// Calls body(context) -> Expected<quadrig_status>; what it throws ends here.
 template <class Body>
 [[nodiscard]] quadrig_status guarded(quadrig_job* job, Body&& body) noexcept {
@@ -65,8 +69,15 @@ template <class Body>
         job->progress(job->user, std::string(stage).c_str(), fraction);
       };
     Expected<quadrig_status> result = context.cancelled() ? cancelled_error("start") : body(context);
-    for (const Warning& warning : context.warnings) job->warnings.push_back(warning.stage + ": " + warning.text);
-    if (result) return *result;
+    if (result) {
+      try {
+        keep_warnings(*job, context);
+      } catch (const std::bad_alloc&) {  // all is done, and files are in place: that is no failure
+        job->warnings.clear();
+      }
+      return *result;
+    }
+    keep_warnings(*job, context);
     job->message = result.error().message();
     return status_of(result.error().code);
   } catch (const std::bad_alloc&) {

@@ -1,24 +1,13 @@
 // What a call will take, told before it is taken.
 #pragma once
 
+#include "io/estimate.hpp"
 #include "job.hpp"
-#include "quadrig/pipeline/ladder.hpp"
 
 namespace quadrig::c {
 
-/// Bytes that remeshing takes at its peak, from above: measured as docs/c.md says, where the peak of the process
-/// was 0.37 to 0.87 of it.
-[[nodiscard]] inline double remesh_bytes(double triangles, double bones, double quads) {
-  // The map is made on the triangles themselves or, of far more than it needs, on a stand-in.
-  const double mapped = std::min(triangles, enough_triangles(quads));
-  const double poses = 512 * bones * bones;  // every bone bent four ways, a transform of each bone in each
-  return 32e6 + poses + triangles * (1.2e3 + 13 * bones) + 3.5e3 * mapped + 8.5e3 * quads;
-}
-
-/// Bytes that an asset takes while it is welded and mended, from above.
-[[nodiscard]] inline double prepare_bytes(double triangles, double influences) {
-  return 8e6 + triangles * (900 + 16 * influences);
-}
+using io::prepare_bytes;
+using io::remesh_bytes;
 
 /// The largest file that is read under the job's limit.
 [[nodiscard]] inline std::size_t file_bytes(const quadrig_job* job) {

@@ -1,10 +1,14 @@
 #include "command.hpp"
 
+#include <sys/resource.h>
 #include <unistd.h>
 
+#include <array>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+
+#include "io/estimate.hpp"
 
 namespace quadrig::cli {
 
@@ -24,8 +28,40 @@ void Session::begin(const std::atomic<bool>& interrupted) {
   };
 }
 
+void limit_memory(double bytes) {
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)  // which take what they like
+  rlimit limit{};
+  if (getrlimit(RLIMIT_DATA, &limit) != 0) return;
+  limit.rlim_cur = static_cast<rlim_t>(std::min(bytes, static_cast<double>(limit.rlim_max)));
+  setrlimit(RLIMIT_DATA, &limit);
+#else
+  static_cast<void>(bytes);
+#endif
+}
+
+void Session::expect(std::span<const std::filesystem::path> files, double quads) const {
+  if (memory_megabytes > 0) return;
+  double bytes = 0;
+  for (const std::filesystem::path& file : files) {
+    std::error_code error;
+    const auto size = std::filesystem::file_size(file, error);
+    if (!error)
+      bytes += static_cast<double>(size);
+    else if (std::filesystem::exists(file, error))
+      return;  // a pipe: who knows
+  }
+  constexpr double stack_bytes = 16e6;  // of a thread
+  limit_memory(io::run_bytes(bytes, quads) + stack_bytes * context.thread_count());
+}
+
 void Session::clear_progress() const {
   if (context.on_progress) std::fputs("\r\033[K", stderr);
+}
+
+Status Session::commit(FileSet& files) const {
+  if (Status status = files.commit(); !status) return status;
+  if (done) done->store(in_part ? 9 : 0, std::memory_order_relaxed);
+  return {};
 }
 
 void Session::say(const std::string& text) const {
@@ -84,6 +120,7 @@ void add_input(CLI::App& verb, Input& input, const std::string& formats) {
 
 Expected<LoadedAsset> load(const Input& input, Session& session) {
   session.context.progress("read", 0);
+  session.expect(std::array{input.files.mesh, input.files.rig, input.files.weights}, input.quads);
   return load_asset(input.files, input.load, session.context);
 }
 

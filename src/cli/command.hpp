@@ -5,8 +5,7 @@
 #include <functional>
 
 #include <CLI/CLI.hpp>
-#include <nlohmann/json.hpp>
-
+#include "io/json.hpp"
 #include "quadrig/io.hpp"
 
 namespace quadrig::cli {
@@ -17,14 +16,21 @@ using Json = nlohmann::ordered_json;
 struct Session {
   bool quiet = false, verbose = false;
   unsigned threads = 0;
+  double memory_megabytes = 0;  ///< 0: not given
   Context context;
   /// Done, but for parts that failed and stay as they were: an exit code of its own.
   bool in_part = false;
+  /// The exit code once the files are in place, whatever fails then; below 0 before.
+  std::atomic<int>* done = nullptr;
 
   /// Connects the context to the terminal and to Ctrl-C. \pre options are parsed
   void begin(const std::atomic<bool>& interrupted);
+  /// Limits the memory by what a run on these files may take, unless a limit was given.
+  void expect(std::span<const std::filesystem::path> files, double quads) const;
   /// Removes the progress line.
   void clear_progress() const;
+  /// Puts the files in place. \fails as FileSet::commit
+  [[nodiscard]] Status commit(FileSet& files) const;
   /// Text for people, on standard output.
   void say(const std::string& text) const;
   /// Bytes for programs, on standard output.
@@ -32,6 +38,9 @@ struct Session {
   /// Whether standard output took all of it. A reader that has closed its end has what it wanted. \fails bad_file
   [[nodiscard]] Status printed() const;
 };
+
+/// Makes allocations fail beyond that, where the system can.
+void limit_memory(double bytes);
 
 /// What main runs after the options are parsed: set by the verb that was named.
 using Run = std::function<Status(Session&)>;
@@ -47,6 +56,7 @@ void add_remesh(CLI::App& app, Run& run);
 struct Input {
   AssetFiles files;
   LoadOptions load;
+  double quads = 0;  ///< to be made of it
 };
 void add_input(CLI::App& verb, Input& input, const std::string& formats = ".obj, .off or .ply");
 /// Loads the asset. \fails as load_asset

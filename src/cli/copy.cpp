@@ -20,7 +20,7 @@ Status copy(const CopyCommand& options, Session& session) {
   if (!document) return document.error();
   if (Status status = document->declare(files, options.output); !status) return status;
   if (Status status = document->add_to(files, options.output, session.context); !status) return status;
-  if (Status status = files.commit(); !status) return status;
+  if (Status status = session.commit(files); !status) return status;
   session.say(options.output.string() + ": copied");
   return {};
 }

@@ -94,7 +94,7 @@ Status dominance(const DominanceCommand& options, Session& session) {
     if (Status status = files.add(options.output, coloured_ply(mesh, rig, *made)); !status) return status;
   if (!options.report.empty())
     if (Status status = files.add(options.report, report_text(report)); !status) return status;
-  if (Status status = files.commit(); !status) return status;
+  if (Status status = session.commit(files); !status) return status;
   session.say(text);
   return {};
 }

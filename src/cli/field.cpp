@@ -128,7 +128,7 @@ Status field(const FieldCommand& options, Session& session) {
   }
   if (!options.report.empty())
     if (Status status = files.add(options.report, report_text(report)); !status) return status;
-  if (Status status = files.commit(); !status) return status;
+  if (Status status = session.commit(files); !status) return status;
   std::string line = std::to_string(r.singularities_plus + r.singularities_minus) + " singularities (" +
                      std::to_string(r.singularities_plus) + " of valence below 4, " +
                      std::to_string(r.singularities_minus) + " above)";

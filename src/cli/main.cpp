@@ -1,11 +1,12 @@
 // The command: parses, runs one verb, and turns an Error into one line and an exit code.
-#include <sys/resource.h>
 #include <sys/time.h>
 #include <unistd.h>
 
 #include <cmath>
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
+#include <exception>
 #include <new>
 
 #include "command.hpp"
@@ -14,6 +15,7 @@
 namespace {
 
 std::atomic<bool> interrupted = false, expired = false;
+std::atomic<int> done = -1;  // Session::done
 
 // The first of these signals asks the running stage to stop; the second ends the process as usual.
 extern "C" void on_interrupt(int signal) {
@@ -35,6 +37,29 @@ extern "C" void on_time_limit(int) {
   alarm(grace_seconds);
 }
 
+// Libraries in use allocate where they may not throw, which ends the process by std::terminate: with the same code and
+// sentence as elsewhere, where it was memory that there was not. Nothing is on the disk then.
+constexpr std::string_view no_memory_text =
+    "quadrig: out of memory; use a smaller mesh, ask for fewer quads or raise --memory\n";
+[[noreturn]] void end_without_memory() {
+  if (done >= 0) _exit(done);  // the files are in place: what is not said of them is no failure
+  if (write(STDERR_FILENO, no_memory_text.data(), no_memory_text.size()) < 0)
+    _exit(quadrig::cli::out_of_memory_exit_code);
+  _exit(quadrig::cli::out_of_memory_exit_code);
+}
+void on_terminate() {
+  try {
+    if (std::current_exception()) throw;
+  } catch (const std::bad_alloc&) {
+    end_without_memory();
+  } catch (...) {
+  }
+  std::abort();
+}
+__attribute__((constructor(101))) void before_all() {
+  std::set_terminate(on_terminate);
+}  // CLI11 allocates before main
+
 void handle_signals() {
   for (const int signal : {SIGINT, SIGTERM, SIGHUP}) std::signal(signal, on_interrupt);
   // Writing fails then, which is an error with a sentence of its own.
@@ -47,13 +72,6 @@ void limit_time(double seconds) {
   timer.it_value.tv_sec = static_cast<time_t>(seconds);
   timer.it_value.tv_usec = static_cast<suseconds_t>(1e6 * (seconds - std::floor(seconds)));
   setitimer(ITIMER_REAL, &timer, nullptr);
-}
-
-void limit_memory(double bytes) {
-  rlimit limit{};
-  if (getrlimit(RLIMIT_DATA, &limit) != 0) return;
-  limit.rlim_cur = static_cast<rlim_t>(std::min(bytes, static_cast<double>(limit.rlim_max)));
-  setrlimit(RLIMIT_DATA, &limit);
 }
 
 constexpr const char* examples = R"(Examples:
@@ -82,13 +100,15 @@ int run(int argc, char** argv) {
   app.fallthrough();
   app.set_version_flag("--version", cli::version_text());
   cli::Session session;
+  session.done = &done;
   auto* quiet = app.add_flag("-q,--quiet", session.quiet, "Say nothing but errors");
   app.add_flag("-v,--verbose", session.verbose, "Say what each stage found too")->excludes(quiet);
   app.add_option("--threads", session.threads, "Most threads used; 0: all the machine has. Results do not depend on it")
       ->check(CLI::Range(0, 4096))
       ->type_name("N");
-  double memory_megabytes = 0, time_limit_seconds = 0;
-  app.add_option("--memory", memory_megabytes, "Most memory that may be taken; more is exit code 10")
+  double time_limit_seconds = 0;
+  app.add_option("--memory", session.memory_megabytes,
+                 "Most memory that may be taken; more is exit code 10. Where it is not given, by the size of the files")
       ->check(CLI::Range(16.0, 1e9))
       ->type_name("MB");
   app.add_option("--time-limit", time_limit_seconds, "Longest run; more is exit code 12")
@@ -113,7 +133,7 @@ int run(int argc, char** argv) {
     return cli::exit_code(ErrorCode::bad_option);
   }
   handle_signals();
-  if (memory_megabytes > 0) limit_memory(1e6 * memory_megabytes);
+  if (session.memory_megabytes > 0) cli::limit_memory(1e6 * session.memory_megabytes);
   if (time_limit_seconds > 0) limit_time(time_limit_seconds);
   session.begin(interrupted);
   const Status status = verb(session);
@@ -141,8 +161,7 @@ int main(int argc, char** argv) {
   try {
     return run(argc, argv);
   } catch (const std::bad_alloc&) {
-    std::fputs("quadrig: out of memory; use a smaller mesh, ask for fewer quads or raise --memory\n", stderr);
-    return quadrig::cli::out_of_memory_exit_code;
+    end_without_memory();
   } catch (const std::exception& error) {
     std::fprintf(stderr, "quadrig: internal error: %s\n", error.what());
   }

@@ -105,6 +105,7 @@ Status remesh_files(RemeshCommand options, Session& session) {
     return Error{ErrorCode::bad_option, options.quads.empty() ? "is empty" : "are more than 16 counts", "--quads",
                  options.quads.empty() ? "give a count" : "give fewer"};
   options.remesh.quads = options.quads.front();
+  options.input.quads = options.remesh.quads;
   if (!weights_out.empty() && input.files.rig.empty())
     return Error{ErrorCode::bad_option, "weights asked of an asset without a rig", weights_out.string(),
                  "give --rig and --weights"};
@@ -183,7 +184,7 @@ Status remesh_files(RemeshCommand options, Session& session) {
     const Json report = report_json(options, *loaded, r, read_seconds, session.context.warnings);
     if (Status status = files.add(options.report, report_text(report)); !status) return status;
   }
-  if (Status status = files.commit(); !status) return status;
+  if (Status status = session.commit(files); !status) return status;
   std::string line =
       options.output.string() + ": " + std::to_string(r.quads) + " quads, " + std::to_string(r.irregular) +
       " irregular vertices, scaled Jacobian " + decimals(r.scaled_jacobian_average, 3) + " on average and " +
@@ -218,12 +219,9 @@ void add_remesh_figures(Json& report, const RemeshReport& r, double read_seconds
                      {"index_sum", r.field.index_sum},
                      {"mean_angle_to_bone_deg", r.field.mean_angle_to_bone_deg},
                      {"residual", r.field.solve.residual}};
-  report["fit"] = {{"rest_before", r.fit.rest_before},
-                   {"rest_after", r.fit.rest_after},
-                   {"posed_before", r.fit.posed_before},
-                   {"posed_after", r.fit.posed_after},
-                   {"largest_move", r.fit.largest_move},
-                   {"dropped_influences", r.fit.dropped_influences},
+  report["fit"] = {{"rest_before", r.fit.rest_before},    {"rest_after", r.fit.rest_after},
+                   {"posed_before", r.fit.posed_before},  {"posed_after", r.fit.posed_after},
+                   {"largest_move", r.fit.largest_move},  {"dropped_influences", r.fit.dropped_influences},
                    {"dropped_error", r.fit.dropped_error}};
   report["solvers"] = {{"field", r.backends.field},
                        {"surgery", r.backends.surgery},
@@ -286,7 +284,8 @@ void add_remesh(CLI::App& app, Run& run) {
       ->type_name("materials|textures|groups|lines[,…]");
   verb->add_option_function<std::string>(
           "--fit", [&remesh](const std::string& name) { remesh.fit.method = *fit_method(name); },
-          "Where vertices go: surface: off the surface, where flat quads are nearest to it at rest and bent; slide: along "
+          "Where vertices go: surface: off the surface, where flat quads are nearest to it at rest and bent; slide: "
+          "along "
           "the surface; none: where quads are most even")
       ->check(CLI::IsMember({"surface", "slide", "none"}))
       ->option_text("surface|slide|none = surface");

@@ -2,6 +2,7 @@
 #include "remesh_gltf.hpp"
 
 #include <fstream>
+#include <numeric>
 
 namespace quadrig::cli {
 namespace {
@@ -217,6 +218,9 @@ Status remesh_gltf_file(const GltfJob& job, Session& session) {
   session.context.progress("read", 0);
   const Expected<GltfDocument> document = GltfDocument::read(job.input, {}, session.context);
   if (!document) return document.error();
+  std::vector<std::filesystem::path> inputs = document->named_files();
+  inputs.push_back(job.input);
+  session.expect(inputs, static_cast<double>(std::accumulate(job.quads.begin(), job.quads.end(), std::int64_t{0})));
   const double read_seconds = watch.seconds();
   const std::vector<Warning> read_warnings = session.context.warnings;
   FileSet files;
@@ -244,7 +248,7 @@ Status remesh_gltf_file(const GltfJob& job, Session& session) {
         !status)
       return status;
   }
-  if (Status status = files.commit(); !status) return status;
+  if (Status status = session.commit(files); !status) return status;
   session.say(lines);
   return {};
 }

@@ -20,7 +20,7 @@ Status sample(const SampleCommand& options, Session& session) {
   if (Status s = files.add(place(".obj"), obj_text(asset->mesh.positions(), asset->mesh.faces())); !s) return s;
   if (Status s = files.add(place(".tgf"), tgf_text(asset->rig->skeleton)); !s) return s;
   if (Status s = files.add(place(".dmat"), dmat_text(asset->rig->weights)); !s) return s;
-  if (Status s = files.commit(); !s) return s;
+  if (Status s = session.commit(files); !s) return s;
   session.say(place(".obj").string() + ", .tgf, .dmat: " + std::to_string(asset->mesh.face_count()) + " triangles, " +
               std::to_string(asset->rig->skeleton.bone_count()) + " bones");
   return {};

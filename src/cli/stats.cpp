@@ -213,8 +213,15 @@ Expected<LoadedAsset> load_gltf(const StatsCommand& options, FileSet& files, Ses
   return loaded;
 }
 
-/// The poses asked for. \fails bad_option where clips are, and there are none
+/// The poses asked for. \fails bad_option where clips are, and there are none; unsupported where there are too many
+/// bones to bend each, since every bend has a transform of every bone
 Expected<std::vector<Pose>> poses_of(const Rig& rig, const StatsCommand& options) {
+  constexpr Index most_bones = 1000;
+  if (options.poses == "bends" && rig.skeleton.bone_count() > most_bones)
+    return Error{ErrorCode::unsupported,
+                 std::to_string(rig.skeleton.bone_count()) + " bones are more than the " + std::to_string(most_bones) +
+                     " that are bent one by one",
+                 options.input.files.mesh.string(), "measure by clips (--poses clips), or without a rig"};
   if (options.poses == "bends") return bend_poses(rig.skeleton, 60);
   std::vector<Pose> poses = clip_poses(rig.clips, options.frames);
   if (poses.empty())
@@ -267,7 +274,7 @@ Status stats(const StatsCommand& options, Session& session) {
   if (Status status = session.printed(); !status) return status;
   if (!options.report.empty())
     if (Status status = files.add(options.report, report_text(report)); !status) return status;
-  if (Status status = files.commit(); !status) return status;
+  if (Status status = session.commit(files); !status) return status;
   return {};
 }
 

@@ -134,15 +134,28 @@ Expected<AccessorShape> accessor_shape(const State& state, std::size_t i) {
   return shape;
 }
 
+Status charge(const State& state, Budget& budget, std::size_t rows, std::size_t each, const std::string& where) {
+  const auto share = [&](std::size_t bytes, std::size_t numbers) {
+    return numbers * std::min(bytes, state.limits.values);
+  };
+  const std::size_t most =
+      std::min(state.limits.values, budget.spare + share(state.bytes, Budget::numbers_a_byte) +
+                                        share(state.unpacked_bytes, Budget::numbers_an_unpacked_byte));
+  if (budget.used > most || (each > 0 && rows > (most - budget.used) / each))
+    return state.bad(where,
+                     "asks for more than " + std::to_string(most) + " numbers, which is what a file of " +
+                         std::to_string(state.bytes) + " bytes may",
+                     "use a simpler file or raise the limit");
+  budget.used += rows * each;
+  return {};
+}
+
 Expected<Values> read_accessor(State& state, std::size_t i, Budget& budget) {
   const std::string where = numbered("accessors", i);
   const Expected<AccessorShape> made = accessor_shape(state, i);
   if (!made) return made.error();
   const AccessorShape& shape = *made;
   const Json& json = array_of(state.json, "accessors")[i];
-  if (shape.count > budget.values / shape.components)
-    return state.bad(where, "asks for more numbers than the limit of " + std::to_string(state.limits.values),
-                     "use a smaller file or raise the limit");
   const Element element(shape);
   std::optional<Located> located;
   if (member(json, "bufferView")) {
@@ -150,7 +163,7 @@ Expected<Values> read_accessor(State& state, std::size_t i, Budget& budget) {
     if (!found) return found.error();
     located = *found;
   }
-  budget.values -= shape.count * shape.components;
+  if (Status status = charge(state, budget, shape.count, shape.components, where); !status) return status.error();
   Values values = Values::Zero(static_cast<Eigen::Index>(shape.count), static_cast<Eigen::Index>(shape.components));
   const auto put = [&](std::size_t row, const char* bytes) {
     Eigen::Index c = 0;

@@ -22,11 +22,14 @@ Expected<std::string_view> buffer_bytes(State& state, std::size_t i) {
     } else {
       const Expected<std::filesystem::path> file = relative_file(state, text, where + ".uri");
       if (!file) return file.error();
+      if (++state.times_read[*file] > 16)
+        return state.bad(where + ".uri", "is the file of more than 16 buffers", "let them be one buffer");
       Expected<std::string> bytes = io::read_file(*file, {.bytes = state.limits.bytes});
       if (!bytes) return bytes.error();
       buffer.bytes = std::move(*bytes);
     }
     buffer.loaded = true;
+    state.bytes += buffer.bytes.size();
   }
   if (buffer.bytes.size() < *length)
     return state.bad(where, "holds " + std::to_string(buffer.bytes.size()) + " bytes of the " +

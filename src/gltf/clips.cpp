@@ -106,7 +106,7 @@ Expected<std::optional<Channel>> read_channel(State& state, const NodeTree& tree
 }  // namespace
 
 Expected<std::vector<Clip>> read_clips(State& state, const NodeTree& tree, const Skin& skin, double frames_per_second,
-                                       Budget& budget) {
+                                       Budget& budget, Budget& frame_budget) {
   std::vector<Clip> clips;
   Cache cache;
   std::size_t frames_left = state.limits.frames;
@@ -141,10 +141,12 @@ Expected<std::vector<Clip>> read_clips(State& state, const NodeTree& tree, const
     const auto frames = static_cast<std::size_t>(wanted);
     frames_left -= frames;
     const std::size_t steps = 16 * (order.size() + channels.size());
-    if (frames > budget.values / steps)
-      return state.unsupported(where, "asks for more numbers than the limit of " + std::to_string(state.limits.values),
-                               "sample fewer frames a second or raise the limit");
-    budget.values -= frames * steps;
+    if (Status status = charge(state, frame_budget, frames, steps, where); !status) {
+      Error error = status.error();
+      error.code = ErrorCode::unsupported;
+      error.remedy = "sample fewer frames a second or raise the limit";
+      return error;
+    }
     Clip clip;
     if (const Json* name = member(animations[a], "name"); name && name->is_string())
       clip.name = name->get<std::string>();

@@ -144,11 +144,11 @@ void drop_unused_bytes(State& state, std::size_t first_new, const std::set<std::
   for (const std::size_t slot : free_slots) {
     const std::size_t last = views.size() - 1;
     if (last >= first_new) {
-      views[slot] = views[last];
+      replace(views[slot], std::move(views[last]));
       moved[last] = slot;
       views.erase(last);
     } else {
-      views[slot] = Json{{"buffer", *whole(views[slot]["buffer"])}, {"byteLength", 1}};
+      replace(views[slot], object_of({{"buffer", *whole(views[slot]["buffer"])}, {"byteLength", 1}}));
     }
   }
   each_view_reference(state.json, [&](Json& reference) {

@@ -86,6 +86,9 @@ Expected<std::string_view> unpacked_view(State& state, std::size_t i, std::size_
   // Two bits stand for 16 bytes at the best: more than that cannot be in there.
   if (*count > (64 * *length + 4096) / *step || *count > state.limits.bytes / *step)
     return state.bad(where + ".count", "is more than its bytes can hold");
+  // Of one view; all together hold less, or are the same bytes over and over.
+  if (state.unpacked_bytes + *count * *step > 16 * state.bytes + (std::size_t{1} << 24))
+    return state.bad(where + ".count", "is more than the bytes of the file can hold, with other views");
   std::string result(*count * *step, '\0');
   const auto* source = reinterpret_cast<const unsigned char*>(bytes->data() + *offset);
   const int failed = *mode == 0   ? meshopt_decodeVertexBuffer(result.data(), *count, *step, source, *length)
@@ -96,6 +99,7 @@ Expected<std::string_view> unpacked_view(State& state, std::size_t i, std::size_
   if (*filter == 2) meshopt_decodeFilterQuat(result.data(), *count, *step);
   if (*filter == 3) meshopt_decodeFilterExp(result.data(), *count, *step);
   stride = member(view, "byteStride") ? *step : 0;
+  state.unpacked_bytes += result.size();
   return std::string_view(state.unpacked[i] = std::move(result));
 }
 

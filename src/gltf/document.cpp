@@ -45,7 +45,7 @@ Status check_text(const State& state, std::string_view text) {
       if (members.size() > 1) members.pop_back();
     } else if (c == ':') {
       steps += ++members.back();
-      if (steps > 1e9) return too("has objects of too many members", i);
+      if (steps > 2e8) return too("has objects of too many members", i);
     }
   }
   return {};
@@ -83,7 +83,7 @@ Status read_json(State& state) {
     // Parsed once more, only to learn where it breaks.
     std::size_t byte = 0;
     try {
-      const Json again = Json::parse(text);
+      const LocalJson again = Json::parse(text);
     } catch (const Json::parse_error& error) {
       byte = error.byte;
     } catch (const Json::exception&) {
@@ -130,6 +130,7 @@ Expected<GltfDocument> GltfDocument::parse(std::string bytes, const std::filesys
                                            const GltfLimits& limits, Context& context) {
   auto state = std::make_shared<State>();
   state->name = name;
+  state->bytes = bytes.size();
   state->limits = limits;
   if (std::string_view(bytes).substr(0, 4) == "glTF") {
     state->container = GltfContainer::binary;

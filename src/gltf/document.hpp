@@ -4,7 +4,7 @@
 #include <map>
 #include <set>
 
-#include <nlohmann/json.hpp>
+#include "io/json.hpp"
 
 #include "quadrig/gltf/document.hpp"
 
@@ -12,6 +12,27 @@ namespace quadrig {
 namespace gltf {
 
 using Json = nlohmann::ordered_json;
+
+// The library's destructor takes memory where it may not throw, for all but empty and single values: where there is
+// none the process ends. Values that are let go are emptied first.
+
+/// Empties the value without taking memory.
+void dismantle(Json& json) noexcept;
+/// For local variables.
+class LocalJson : public Json {
+ public:
+  LocalJson(Json json) noexcept : Json(std::move(json)) {}
+  LocalJson(const LocalJson&) = delete;
+  LocalJson& operator=(const LocalJson&) = delete;
+  ~LocalJson() { dismantle(*this); }
+};
+/// Puts a value in the place of another.
+inline void replace(Json& place, Json&& value) {
+  dismantle(place);
+  place = std::move(value);
+}
+/// An object; the values are single ones.
+[[nodiscard]] Json object_of(std::initializer_list<std::pair<const char*, Json>> members);
 
 struct Chunk {
   std::uint32_t type = 0;
@@ -30,6 +51,11 @@ inline constexpr std::uint32_t json_chunk = 0x4E4F534A, binary_chunk = 0x004E494
 }  // namespace gltf
 
 struct GltfDocument::State {
+  State() = default;
+  State(const State&) = default;
+  State& operator=(const State&) = delete;
+  ~State() { gltf::dismantle(json); }
+
   GltfContainer container = GltfContainer::json;
   std::filesystem::path name;
   GltfLimits limits;
@@ -38,6 +64,9 @@ struct GltfDocument::State {
   std::vector<gltf::Chunk> chunks;  ///< of a .glb, in order, the JSON among them
   std::vector<gltf::Buffer> buffers;
   std::map<std::size_t, std::string> unpacked;  ///< bytes of views that are stored compressed, once asked for
+  std::size_t bytes = 0;                        ///< of the file and the buffers that were read
+  std::size_t unpacked_bytes = 0;
+  std::map<std::filesystem::path, int> times_read;  ///< of each file, as a buffer
   bool edited = false;
 
   [[nodiscard]] Error bad(std::string where, std::string what, std::string remedy = "export the file again") const {
@@ -111,10 +140,15 @@ using quadrig::detail::at;
 [[nodiscard]] Expected<std::string_view> unpacked_view(State& state, std::size_t i, std::size_t& stride);
 
 // accessor.cpp
-/// How much one request may still read.
+/// What one request has taken, in numbers of 8 bytes. It may take so many for every byte of the file, and some more:
+/// what shares accessors, or has no bytes behind them, is not to cost more than a file that is as large as it pretends.
 struct Budget {
-  std::size_t values = 0;
+  std::size_t spare = std::size_t{1} << 24, used = 0;
+  static constexpr std::size_t numbers_a_byte = 16, numbers_an_unpacked_byte = 2, numbers_a_triangle = 48;
 };
+/// Takes rows × each numbers. \fails bad_input where that is more than the file's bytes, or the limit, allow
+[[nodiscard]] Status charge(const State& state, Budget& budget, std::size_t rows, std::size_t each,
+                            const std::string& where);
 struct AccessorShape {
   std::size_t count = 0, components = 0, component_bytes = 0;
   int component_type = 0;

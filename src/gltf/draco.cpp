@@ -51,8 +51,8 @@ Expected<DracoMesh> read_draco(State& state, const Json& extension, const std::s
   DracoMesh result;
   result.vertices = mesh->num_points();
   const std::size_t corners = 3 * static_cast<std::size_t>(mesh->num_faces());
-  if (corners > budget.values) return too_large;
-  budget.values -= corners;
+  state.unpacked_bytes += 4 * corners;
+  if (Status status = charge(state, budget, corners, 1, there); !status) return status.error();
   for (draco::FaceIndex f(0); f < mesh->num_faces(); ++f)
     for (int i = 0; i < 3; ++i) {
       const std::size_t v = mesh->face(f)[static_cast<std::size_t>(i)].value();
@@ -68,8 +68,9 @@ Expected<DracoMesh> read_draco(State& state, const Json& extension, const std::s
     if (!attribute) return state.bad(there + "." + name, "is not in the stream");
     const int width = attribute->num_components();
     if (width < 1 || width > 4) return state.bad(there + "." + name, "is not of one to four numbers");
-    if (result.vertices > budget.values / static_cast<std::size_t>(width)) return too_large;
-    budget.values -= result.vertices * static_cast<std::size_t>(width);
+    state.unpacked_bytes += 4 * result.vertices;
+    if (Status status = charge(state, budget, result.vertices, static_cast<std::size_t>(width), there); !status)
+      return status.error();
     auto values = std::make_shared<Values>(static_cast<Eigen::Index>(result.vertices), width);
     for (draco::PointIndex p(0); p < mesh->num_points(); ++p) {
       std::array<float, 4> row{};

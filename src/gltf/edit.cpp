@@ -13,12 +13,13 @@ std::size_t target_buffer(State& state) {
     if (state.buffers[i].embedded) return i;
   Json& buffers = state.json["buffers"];
   if (!buffers.is_array()) buffers = Json::array();
-  buffers.push_back(Json{{"byteLength", 0}});
+  buffers.push_back(object_of({{"byteLength", 0}}));
   state.buffers.push_back({std::string(), true, true});
   return state.buffers.size() - 1;
 }
 
-std::size_t append(Json& document, const char* array, Json entry) {
+/// Leaves null in the place of the entry.
+std::size_t append(Json& document, const char* array, Json& entry) {
   Json& all = document[array];
   if (!all.is_array()) all = Json::array();
   all.push_back(std::move(entry));
@@ -88,11 +89,11 @@ void reuse_accessors(State& state, std::size_t first_new, const std::set<std::si
     if (used.contains(slot) || slot >= first_new) continue;
     const std::size_t last = accessors.size() - 1;
     if (last >= first_new) {
-      accessors[slot] = accessors[last];
+      replace(accessors[slot], std::move(accessors[last]));
       moved[last] = slot;
       accessors.erase(last);
     } else {
-      accessors[slot] = Json{{"componentType", 5121}, {"count", 1}, {"type", "SCALAR"}};
+      replace(accessors[slot], object_of({{"componentType", 5121}, {"count", 1}, {"type", "SCALAR"}}));
     }
   }
   each_reference(state.json, [&](Json& reference) {
@@ -109,20 +110,20 @@ std::size_t append_accessor(State& state, const NewAccessor& made) {
   // A binary chunk may be padded beyond its buffer's length.
   if (const auto length = whole(json["byteLength"]); length && *length < bytes.size()) bytes.resize(*length);
   bytes.append((4 - bytes.size() % 4) % 4, '\0');
-  Json view = {{"buffer", to}, {"byteOffset", bytes.size()}, {"byteLength", made.bytes.size()}};
+  LocalJson view = object_of({{"buffer", to}, {"byteOffset", bytes.size()}, {"byteLength", made.bytes.size()}});
   if (made.target == 34962) view["byteStride"] = made.row_bytes;
   if (made.target != 0) view["target"] = made.target;
   bytes += made.bytes;
   json["byteLength"] = bytes.size();
-  Json accessor = {{"bufferView", append(state.json, "bufferViews", std::move(view))},
-                   {"componentType", made.component_type},
-                   {"count", made.count},
-                   {"type", made.type}};
+  LocalJson accessor = object_of({{"bufferView", append(state.json, "bufferViews", view)},
+                                  {"componentType", made.component_type},
+                                  {"count", made.count},
+                                  {"type", made.type}});
   if (!made.low.empty()) {
     accessor["min"] = made.low;
     accessor["max"] = made.high;
   }
-  return append(state.json, "accessors", std::move(accessor));
+  return append(state.json, "accessors", accessor);
 }
 
 }  // namespace quadrig::gltf

@@ -140,11 +140,9 @@ Status Gatherer::add(std::size_t mesh, std::size_t number, const Json& json) {
   if (positions_.size() + std::min(vertices, corners) > 700'000'000U || triangles_.size() + count > 700'000'000U)
     return state_.unsupported(where, "makes the surface larger than 2^31 / 3", "use a smaller file");
   // Every corner and vertex is copied with what it carries: that counts against the limit too.
-  const std::size_t copied = std::min(vertices, corners) * (width + 3 + 8 * sets.size()) + corners;
-  if (copied > budget_.values)
-    return state_.bad(where, "asks for more numbers than the limit of " + std::to_string(state_.limits.values),
-                      "use a smaller file or raise the limit");
-  budget_.values -= copied;
+  if (Status status = charge(state_, budget_, std::min(vertices, corners), width + 3 + 8 * sets.size(), where); !status)
+    return status;
+  if (Status status = charge(state_, budget_, count, Budget::numbers_a_triangle, where); !status) return status;
   for (std::size_t t = 0; t < count; ++t) {
     const std::array<std::size_t, 3> own = triangle_of(reader.mode(), list, t);
     const Index a = vertex(own[0]), b = vertex(own[1]), c = vertex(own[2]);
@@ -159,11 +157,7 @@ Status Gatherer::add(std::size_t mesh, std::size_t number, const Json& json) {
 Status Gatherer::finish() {
   const Eigen::Index width = out_.attributes.empty() ? 0 : out_.attributes.back().first + out_.attributes.back().width;
   const std::size_t wide = static_cast<std::size_t>(width) + 1;
-  if (rows_.size() > budget_.values / wide)
-    return state_.bad(out_.surface.label(),
-                      "asks for more numbers than the limit of " + std::to_string(state_.limits.values),
-                      "use a smaller file or raise the limit");
-  budget_.values -= rows_.size() * wide;
+  if (Status status = charge(state_, budget_, rows_.size(), wide, out_.surface.label()); !status) return status;
   out_.positions.resize(static_cast<Eigen::Index>(positions_.size()), 3);
   out_.values = Values::Zero(static_cast<Eigen::Index>(rows_.size()), width);
   for (std::size_t v = 0; v < positions_.size(); ++v) {

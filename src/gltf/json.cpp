@@ -3,6 +3,22 @@
 
 namespace quadrig::gltf {
 
+void dismantle(Json& json) noexcept {
+  if (json.is_object()) {
+    auto& members = json.get_ref<Json::object_t&>();
+    for (; !members.empty(); members.pop_back()) dismantle(members.back().second);
+  } else if (json.is_array()) {
+    auto& entries = json.get_ref<Json::array_t&>();
+    for (; !entries.empty(); entries.pop_back()) dismantle(entries.back());
+  }
+}
+
+Json object_of(std::initializer_list<std::pair<const char*, Json>> members) {
+  LocalJson made = Json::object();
+  for (const auto& [name, value] : members) made[name] = value;
+  return std::move(static_cast<Json&>(made));
+}
+
 const Json& array_of(const Json& object, const char* key) {
   static const Json empty = Json::array();
   const Json* found = member(object, key);

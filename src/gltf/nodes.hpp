@@ -44,6 +44,6 @@ struct Skin {
 
 /// All clips of the file, sampled. \fails bad_input; unsupported beyond the limit of frames
 [[nodiscard]] Expected<std::vector<Clip>> read_clips(State& state, const NodeTree& tree, const Skin& skin,
-                                                     double frames_per_second, Budget& budget);
+                                                     double frames_per_second, Budget& budget, Budget& frame_budget);
 
 }  // namespace quadrig::gltf

@@ -123,7 +123,7 @@ void PrimitiveBuilder::make_tangents(const Gathered& gathered, const Primitive& 
 Json PrimitiveBuilder::write(State& state, const Json& old, const Gathered& gathered, const Primitive& primitive,
                              bool source_map) const {
   const std::size_t count = vertices_.size();
-  Json attributes;
+  LocalJson attributes = Json::object();
   attributes["POSITION"] =
       append_floats(state, count, 3, true, [&](std::size_t v, Eigen::Index k) { return vertices_[v].position[k]; });
   attributes["NORMAL"] =
@@ -131,7 +131,7 @@ Json PrimitiveBuilder::write(State& state, const Json& old, const Gathered& gath
   if (primitive.tangents)
     attributes["TANGENT"] =
         append_floats(state, count, 4, false, [&](std::size_t v, Eigen::Index k) { return vertices_[v].tangent[k]; });
-  Json targets = Json::array();
+  LocalJson targets = Json::array();
   for (std::size_t t = 0; t < primitive.targets; ++t) targets.push_back(Json::object());
   for (const std::size_t a : primitive.attributes) {
     const Attribute& attribute = gathered.attributes[a];
@@ -188,16 +188,17 @@ Json PrimitiveBuilder::write(State& state, const Json& old, const Gathered& gath
   made.count = indices_.size();
   made.bytes = numbers;
   made.target = 34963;
-  Json result = old;
-  result["attributes"] = std::move(attributes);
+  LocalJson result = Json(old);
+  replace(result["attributes"], std::move(attributes));
   result["indices"] = append_accessor(state, made);
   if (member(result, "mode")) result["mode"] = 4;
   if (const Json* extensions = member(result, "extensions"); extensions && member(*extensions, draco_name)) {
+    dismantle(result["extensions"][draco_name]);
     result["extensions"].erase(draco_name);
     if (result["extensions"].empty()) result.erase("extensions");
   }
-  if (primitive.targets > 0) result["targets"] = std::move(targets);
-  return result;
+  if (primitive.targets > 0) replace(result["targets"], std::move(targets));
+  return std::move(static_cast<Json&>(result));
 }
 
 }  // namespace quadrig::gltf

@@ -148,19 +148,19 @@ void write_back(State& state, const Job& job, GltfRemeshed& done, bool source_ma
     for (std::size_t p = 0; p < gathered.primitives.size(); ++p)
       if (gathered.primitives[p].mesh == at(m) && !job.builders[p].empty())
         builder_of[gathered.primitives[p].number] = p;
-    Json kept = Json::array();
+    LocalJson kept = Json::array();
     for (std::size_t k = 0; k < builder_of.size(); ++k) {
       if (builder_of[k] == static_cast<std::size_t>(-1)) {
         kept.push_back(primitives[k]);
         continue;
       }
       const PrimitiveBuilder& builder = job.builders[builder_of[k]];
-      const Json old = primitives[k];
+      const LocalJson old = Json(primitives[k]);
       kept.push_back(builder.write(state, old, gathered, gathered.primitives[builder_of[k]], source_map));
       done.written_vertices += builder.vertex_count();
       ++done.written_primitives;
     }
-    state.json["meshes"][at(m)]["primitives"] = std::move(kept);
+    replace(state.json["meshes"][at(m)]["primitives"], std::move(kept));
     state.edited = true;
   }
 }
@@ -172,13 +172,15 @@ void drop_unused_extension(State& state, const char* name) {
       if (const Json* extensions = member(primitive, "extensions"); extensions && member(*extensions, name)) return;
   for (const char* list : {"extensionsUsed", "extensionsRequired"}) {
     if (array_of(state.json, list).empty()) continue;
-    Json kept = Json::array();
+    LocalJson kept = Json::array();
     for (const Json& one : state.json[list])
       if (one != name) kept.push_back(one);
-    if (kept.empty())
+    if (kept.empty()) {
+      dismantle(state.json[list]);
       state.json.erase(list);
-    else
-      state.json[list] = std::move(kept);
+    } else {
+      replace(state.json[list], std::move(kept));
+    }
   }
 }
 
@@ -253,6 +255,7 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
   std::vector<gltf::Job> jobs;
   const Error* failed = nullptr;
   bool any = false;
+  gltf::Budget written;
   for (std::size_t s = 0; s < gathered->size(); ++s) {
     gltf::Job job;
     job.gathered = std::move((*gathered)[s]);
@@ -262,6 +265,17 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
     if (job.gathered.failure) {
       done.failures.push_back({job.gathered.surface.label(), *job.gathered.failure});
     } else {
+      // Each vertex that is written carries all columns, some times over: how many quads is the caller's choice, how
+      // many columns beyond what any surface has is the file's.
+      constexpr std::size_t usual_columns = 64;
+      const auto columns =
+          std::max(static_cast<std::size_t>(job.gathered.values.cols()), usual_columns) - usual_columns;
+      double quads = 0;
+      for (const gltf::Shell& shell : shells[s].list) quads += shell.due / 2;
+      if (Status status = gltf::charge(state, written, static_cast<std::size_t>(4 * quads), columns,
+                                       job.gathered.surface.label() + ": what the vertices of the quads carry");
+          !status)
+        return status.error();
       context.log(job.gathered.surface.label());
       shells[s].wedges.emplace(job.gathered, shells[s].components);  // refers to what has moved
       for (gltf::Shell& shell : shells[s].list) {

@@ -69,13 +69,15 @@ void join_roots(State& state, const NodeTree& tree, std::size_t skin) {
   std::size_t root = roots.front();
   if (roots.size() > 1) {
     root = state.json["nodes"].size();
-    state.json["nodes"].push_back({{"name", "joints"}, {"children", roots}});
+    LocalJson joints = object_of({{"name", "joints"}});
+    joints["children"] = roots;
+    state.json["nodes"].push_back(std::move(static_cast<Json&>(joints)));
     std::vector<char> joined(top.size(), 0);
     for (const std::size_t one : roots) joined[one] = 1;
     for (std::size_t s = 0; s < array_of(state.json, "scenes").size(); ++s) {
       Json& scene = state.json["scenes"][s];
       if (array_of(scene, "nodes").empty()) continue;
-      Json kept = Json::array();
+      LocalJson kept = Json::array();
       bool taken = false;
       for (const Json& one : scene["nodes"]) {
         const auto number = whole(one);
@@ -84,7 +86,7 @@ void join_roots(State& state, const NodeTree& tree, std::size_t skin) {
         else if (!std::exchange(taken, true))
           kept.push_back(root);
       }
-      scene["nodes"] = std::move(kept);
+      replace(scene["nodes"], std::move(kept));
     }
   }
   for (const std::size_t s : scenes) {

@@ -55,11 +55,18 @@ std::vector<char> hung_on_joints(const State& state, std::size_t meshes) {
 
 Expected<Selector> Selector::create(const State& state, const GltfSelection& selection,
                                     const std::vector<std::size_t>& skin_of_mesh) {
+#if defined(__GLIBCXX__)
+  // Time by the product of name and expression: no expression goes back over the name again and again. References to
+  // groups, which need that, are no regular expressions here.
+  constexpr auto matching = std::regex::ECMAScript | std::regex_constants::__polynomial;
+#else
+  constexpr auto matching = std::regex::ECMAScript;
+#endif
   std::vector<Pattern> patterns;
   for (const std::string& text : selection.names) {
     Pattern pattern{text, {}, false};
     try {
-      pattern.expression.emplace(text, std::regex::ECMAScript);
+      pattern.expression.emplace(text, matching);
     } catch (const std::regex_error&) {
       pattern.expression.reset();
     }

@@ -39,7 +39,13 @@ Expected<Shells> find_shells(const Gathered& gathered, const GltfRemeshOptions& 
   std::vector<double> omega1;
   if (asset.rig) {
     if (options.pose_source == GltfPoses::clips) shells.poses = clip_poses(asset.rig->clips, options.most_poses);
-    if (shells.poses.empty()) shells.poses = bend_poses(asset.rig->skeleton, options.remesh.bend_degrees);
+    if (shells.poses.empty()) {
+      const SurfaceBends bends = surface_bends(asset.rig->skeleton, asset.rig->weights, options.remesh.bend_degrees);
+      for (const Pose& some : some_of(bends.poses, static_cast<std::size_t>(options.most_poses))) {
+        Pose& pose = shells.poses.emplace_back(rest_pose(asset.rig->skeleton));
+        for (std::size_t c = 0; c < bends.bones.size(); ++c) pose[at(bends.bones[c])] = some[c];
+      }
+    }
     const std::vector<Pose> few = some_of(shells.poses, 12);
     Expected<PosedForms> posed = PosedForms::create(mesh, connection, asset.rig->weights, few, {}, context);
     if (!posed) return posed.error();

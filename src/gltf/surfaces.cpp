@@ -106,6 +106,7 @@ struct Request {
   const NodeTree& tree;
   const std::vector<double>& mesh_scale;  ///< of the first node that has each mesh
   Budget& budget;
+  Budget& frames;  ///< of sampled clips
   Cache& cache;
   Context& context;
 };
@@ -169,10 +170,8 @@ Expected<bool> make_surface(const Request& request, Gathered& one, const Selecto
     return true;
   }
   // Each skin looks at every node, so that counts against the limit too.
-  if (request.tree.nodes.size() > request.budget.values / 16)
-    return state.bad(surface.label(), "asks for more numbers than the limit of " + std::to_string(state.limits.values),
-                     "use a smaller file or raise the limit");
-  request.budget.values -= 16 * request.tree.nodes.size();
+  if (Status status = charge(state, request.budget, request.tree.nodes.size(), 16, surface.label()); !status)
+    return status.error();
   const Expected<Skin> skin = read_skin(state, request.tree, at(surface.skin), request.budget);
   if (!skin) return skin.error();
   surface.repairs.singular_binds = skin->singular_binds;
@@ -200,7 +199,7 @@ Expected<bool> make_surface(const Request& request, Gathered& one, const Selecto
   }
   if (request.clips.enabled) {
     Expected<std::vector<Clip>> clips =
-        read_clips(state, request.tree, *skin, request.clips.frames_per_second, request.budget);
+        read_clips(state, request.tree, *skin, request.clips.frames_per_second, request.budget, request.frames);
     if (!clips) return clips.error();
     rig->clips = std::move(*clips);
   }
@@ -258,11 +257,11 @@ Expected<std::vector<Gathered>> gather(State& state, const PrepareOptions& prepa
   if (!tree) return tree.error();
   const Expected<Selector> selector = Selector::create(state, selection, *skin_of);
   if (!selector) return selector.error();
-  Budget budget{state.limits.values};
+  Budget budget, frames{.spare = 3 * Budget{}.spare};  // a long clip may have few keys
   join_skins(state, *tree, *skin_of, budget);
   Cache cache;
   const std::vector<double> mesh_scale = scale_of_meshes(state, *tree);
-  const Request request{state, prepare_options, clip_options, *tree, mesh_scale, budget, cache, context};
+  const Request request{state, prepare_options, clip_options, *tree, mesh_scale, budget, frames, cache, context};
   std::vector<Gathered> all;
   bool any = false;
   for (Gathered& one : candidates(state, *skin_of, *selector)) {

@@ -1,10 +1,13 @@
 // Data URIs, and names of files that stay in the document's folder.
+#include <algorithm>
 #include <array>
 
 #include "document.hpp"
 
 namespace quadrig::gltf {
 namespace {
+
+constexpr std::ptrdiff_t most_folders = 64;  // in a name; each is looked up
 
 constexpr std::string_view digits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
 
@@ -95,6 +98,8 @@ Expected<std::filesystem::path> relative_file(const State& state, std::string_vi
   };
   if (has_scheme(uri)) return state.bad(where, "names something elsewhere", remedy);
   const std::filesystem::path named = percent_decoded(uri);
+  if (std::count(named.native().begin(), named.native().end(), '/') > most_folders)
+    return state.bad(where, "is within too many folders", remedy);
   if (named.empty() || named.is_absolute() || named.native().find('\0') != std::string::npos)
     return state.bad(where, "is not a relative name", remedy);
   for (const auto& part : named) {
@@ -152,6 +157,9 @@ namespace quadrig {
 
 std::vector<std::filesystem::path> GltfDocument::named_files() const {
   constexpr std::size_t longest_name = 4096;  // of Linux; nothing is called by a longer one
+  const auto deep = [](std::string_view name) {
+    return std::count(name.begin(), name.end(), '/') > gltf::most_folders;
+  };
   std::set<std::string> uris;
   gltf::collect_uris(state_->json, uris);
   std::vector<std::filesystem::path> files;
@@ -160,7 +168,7 @@ std::vector<std::filesystem::path> GltfDocument::named_files() const {
     if (name.starts_with("file://")) name.remove_prefix(7);
     if (name.empty() || name.size() > 3 * longest_name || gltf::has_scheme(name)) continue;
     const std::string decoded = gltf::percent_decoded(name);
-    if (decoded.find('\0') == std::string::npos && decoded.size() <= longest_name)
+    if (decoded.find('\0') == std::string::npos && decoded.size() <= longest_name && !deep(decoded))
       files.push_back(state_->name.parent_path() / decoded);
   }
   return files;

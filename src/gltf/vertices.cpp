@@ -29,13 +29,7 @@ Status read_vertices(State& state, const Json& primitive, const std::string& whe
   if (!reader->is_surface()) return {};
   const std::size_t vertices = reader->vertices();
   const std::vector<std::size_t>& list = reader->corners();
-  const auto spend = [&](std::size_t numbers) -> Status {
-    if (numbers > budget.values)
-      return state.bad(where, "asks for more numbers than the limit of " + std::to_string(state.limits.values),
-                       "use a smaller file or raise the limit");
-    budget.values -= numbers;
-    return {};
-  };
+  const auto spend = [&](std::size_t numbers) { return charge(state, budget, numbers, 1, where); };
   if (Status status = spend(3 * vertices + 3 * triangle_count(reader->mode(), list.size())); !status) return status;
   out.positions = reader->positions();
   out.triangles.resize(static_cast<Eigen::Index>(triangle_count(reader->mode(), list.size())), 3);
@@ -79,7 +73,7 @@ Index gltf_triangle_count(const GltfDocument& document) {
 Expected<std::vector<GltfVertices>> gltf_vertices(const GltfDocument& document, std::string_view name,
                                                   Context& context) {
   gltf::State& state = document.state();
-  gltf::Budget budget{state.limits.values};
+  gltf::Budget budget;
   gltf::Cache cache;
   std::vector<GltfVertices> all;
   const gltf::Json& meshes = gltf::array_of(state.json, "meshes");

@@ -84,6 +84,7 @@ void fold_last_buffers(State& state) {
       }
     first += state.buffers[last].bytes;
     state.json["buffers"][0]["byteLength"] = first.size();
+    dismantle(state.json["buffers"][last]);
     state.json["buffers"].erase(last);
     state.buffers.pop_back();
   }

@@ -260,13 +260,20 @@ std::vector<std::string> dmat_seeds() {
   return {dmat_text(matrix), dmat_text(matrix, DmatFormat::binary)};
 }
 
-constexpr FuzzTarget targets[] = {
+constexpr FuzzTarget plain[] = {
     {"glb", run_glb, glb_seeds}, {"json", run_json, json_seeds}, {"accessors", run_accessors, accessor_seeds},
     {"obj", run_obj, obj_seeds}, {"off", run_off, off_seeds},    {"ply", run_ply, ply_seeds},
     {"tgf", run_tgf, tgf_seeds}, {"dmat", run_dmat, dmat_seeds}};
 
 }  // namespace
 
-std::span<const FuzzTarget> fuzz_targets() { return targets; }
+std::span<const FuzzTarget> fuzz_targets() {
+  static const std::vector<FuzzTarget> all = [] {
+    std::vector<FuzzTarget> targets(std::begin(plain), std::end(plain));
+    for (const FuzzTarget& one : compressed_targets()) targets.push_back(one);
+    return targets;
+  }();
+  return all;
+}
 
 }  // namespace quadrig::test

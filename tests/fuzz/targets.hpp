@@ -17,5 +17,7 @@ struct FuzzTarget {
 };
 
 [[nodiscard]] std::span<const FuzzTarget> fuzz_targets();
+/// Those of them that read compressed streams, where this build has the decoders.
+[[nodiscard]] std::vector<FuzzTarget> compressed_targets();
 
 }  // namespace quadrig::test

@@ -22,6 +22,7 @@ struct RemeshShared {
   const PosedMetric* metric = nullptr;  ///< null: no posed directions
   const EdgeMarks& kept;                ///< of the asset's mesh
   const OwnDirections* own = nullptr;   ///< null: the caller gives none
+  std::size_t parts = 1;                ///< components
 
   /// Whether the caller asks for directions that no other option names.
   [[nodiscard]] bool asks_for_directions() const { return own || options.directions.terms; }

@@ -5,6 +5,7 @@
 #include "quadrig/pipeline/attempt.hpp"
 #include "quadrig/pipeline/component.hpp"
 #include "quadrig/pipeline/features.hpp"
+#include "quadrig/pipeline/shares.hpp"
 #include "quadrig/simplify.hpp"
 
 namespace quadrig::detail {
@@ -62,6 +63,9 @@ class ComponentRemesher {
   [[nodiscard]] Expected<ComponentResult> run() {
     if (context_.cancelled()) return cancelled_error("remesh");
     if (Status status = cut_out(); !status.ok()) return status.error();
+    // Crumbs: a map of each would take longer than that of a surface as large as all of them.
+    constexpr std::size_t many_parts = 500;
+    if (shared_.parts > many_parts && quads_ <= least_quads) return split();
     const std::vector<Attempt> attempts = ladder(facts());
     const Budget full(original_.asset.mesh.face_count(), proxy_faces(quads_));
     Budget budget = full;

@@ -40,12 +40,6 @@ inline SizingOptions preset_sizing(FieldPreset preset, bool rigged) {
   return sizing;
 }
 
-/// The poses that sizes and the fit are made for: those of the options, else every bone bent.
-inline std::vector<Pose> poses_in_force(const Asset& asset, const RemeshOptions& options) {
-  if (!options.poses.empty() || !asset.rig) return options.poses;
-  return bend_poses(asset.rig->skeleton, options.bend_degrees);
-}
-
 /// Of an error, by face: joint_weight where weights blend, 1 where one bone rules.
 inline std::vector<double> joint_weights(std::span<const double> omega1, double joint_weight) {
   std::vector<double> weights;
@@ -214,11 +208,19 @@ class Remesher {
     const bool posed = sizing_.density == DensitySource::posed || options_.directions.posed > 0;
     if (!posed && sizing_.density != DensitySource::rest) return {};
     if (posed && asset_.rig) {
-      const std::vector<Pose> poses = poses_in_force(asset_, options_);
       PosedForms::Options form_options;
-      form_options.pose_weights = options_.poses.empty() ? std::vector<double>{} : options_.pose_weights;
-      Expected<PosedForms> forms =
-          PosedForms::create(mesh_, connection, asset_.rig->weights, poses, form_options, context_);
+      SurfaceBends bends;
+      const bool bent = options_.poses.empty();
+      if (bent) {
+        bends = surface_bends(asset_.rig->skeleton, asset_.rig->weights, options_.bend_degrees);
+        form_options.rest_weight += bends.still;  // in these poses the surface has its rest shape
+        if (bends.left_out > 0)
+          context_.warn("metric", std::to_string(bends.left_out) + " bones are not bent, since there are so many");
+      } else {
+        form_options.pose_weights = options_.pose_weights;
+      }
+      Expected<PosedForms> forms = PosedForms::create(mesh_, connection, bent ? bends.weights : asset_.rig->weights,
+                                                      bent ? bends.poses : options_.poses, form_options, context_);
       if (!forms) return forms.error();
       sizes_.forms = std::move(*forms);
       if (options_.fit.method == FitMethod::slide) quads_.targets.set_bending(connection, sizes_.forms, context_);
@@ -258,7 +260,8 @@ class Remesher {
                               sized() ? &sizes_ : nullptr,
                               metric_ ? &*metric_ : nullptr,
                               kept,
-                              given.direction.empty() ? nullptr : &given};
+                              given.direction.empty() ? nullptr : &given,
+                              faces_.size()};
     // Progress is for the caller's thread: that of the parts it remeshes, and the faces of those that are done.
     const std::thread::id caller = std::this_thread::get_id();
     std::atomic<Index> done{0};
@@ -407,25 +410,43 @@ class Finisher {
       (void)slide(mesh_, quads_.targets, beside_surface_held(held), options_.fit.slide, quads_.mesh, context_);
     if (context_.cancelled()) return cancelled_error("fit");
     FitMotion motion;
-    const std::vector<Pose> poses = poses_in_force(asset_, options_);
-    if (asset_.rig) {
+    SurfaceBends bends;
+    const bool bent = asset_.rig && options_.poses.empty();
+    if (bent) {
+      bends = surface_bends(asset_.rig->skeleton, asset_.rig->weights, options_.bend_degrees);
+      motion.weights = &bends.weights;
+      motion.poses = bends.poses;
+      motion.rest_weight += bends.still;
+    } else if (asset_.rig) {
       motion.weights = &asset_.rig->weights;
-      motion.poses = poses;
-      if (!options_.poses.empty()) motion.pose_weights = options_.pose_weights;
-      motion.influences = options_.influences;
+      motion.poses = options_.poses;
+      motion.pose_weights = options_.pose_weights;
     }
+    motion.influences = options_.influences;
     motion.morphs = options_.morphs;
     Expected<FittedQuads> fitted = fit(mesh_, std::move(quads_.mesh), motion, std::move(held), options_.fit, context_,
                                        options_.solver.factory<double>());
     if (!fitted) return fitted.error();
     quads_.mesh = std::move(fitted->mesh);
-    weights_ = std::move(fitted->weights);
+    weights_ = bent ? with_all_bones(*fitted->weights, bends) : std::move(fitted->weights);
     morphs_ = std::move(fitted->morphs);
     quads_.report.fit = fitted->report;
     quads_.report.seconds.fit += watch.seconds();
     return {};
   }
 
+  /// Weights of the bones that bend the surface, in the columns of all bones.
+  [[nodiscard]] SkinWeights with_all_bones(const SkinWeights& weights, const SurfaceBends& bends) const {
+    SkinWeights all(weights.rows(), asset_.rig->weights.cols());
+    all.reserve(weights.nonZeros());
+    for (Index v = 0; v < weights.rows(); ++v) {
+      all.startVec(v);
+      for (SkinWeights::InnerIterator it(weights, v); it; ++it)
+        all.insertBack(v, bends.bones[at(static_cast<Index>(it.col()))]) = it.value();
+    }
+    all.finalize();
+    return all;
+  }
   /// Vertices that lie beside the surface, as some of split parts do, cannot slide along it: they are held too.
   [[nodiscard]] std::vector<char> beside_surface_held(std::vector<char> held) const {
     const double near = 1e-9 * mesh_.diagonal();
