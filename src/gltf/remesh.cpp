@@ -255,7 +255,7 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
   std::vector<gltf::Job> jobs;
   const Error* failed = nullptr;
   bool any = false;
-  gltf::Budget written;
+  gltf::Budget carried;
   for (std::size_t s = 0; s < gathered->size(); ++s) {
     gltf::Job job;
     job.gathered = std::move((*gathered)[s]);
@@ -272,7 +272,7 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
           std::max(static_cast<std::size_t>(job.gathered.values.cols()), usual_columns) - usual_columns;
       double quads = 0;
       for (const gltf::Shell& shell : shells[s].list) quads += shell.due / 2;
-      if (Status status = gltf::charge(state, written, static_cast<std::size_t>(4 * quads), columns,
+      if (Status status = gltf::charge(state, carried, static_cast<std::size_t>(4 * quads), columns,
                                        job.gathered.surface.label() + ": what the vertices of the quads carry");
           !status)
         return status.error();
