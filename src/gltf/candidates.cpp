@@ -163,6 +163,7 @@ std::vector<Index> lines_of(const Gathered& gathered, const Shells& shells, cons
     }
   }
   const double all = 2 * std::sqrt(quads * part.total_area());
+  if (2 * quads > part.face_count()) bends.clear();  // made denser, it has mostly edges of that kind
   if (sharp && border_length <= borders_worth * all) lines.insert(lines.end(), borders.begin(), borders.end());
   if (sharp && bend_length <= sharp_worth * all) lines.insert(lines.end(), bends.begin(), bends.end());
   std::sort(lines.begin(), lines.end());
@@ -288,8 +289,11 @@ Status make_shell(const Gathered& gathered, const Shells& shells, Shell& shell, 
   for (const Polygon& p : own) quads += p.size() == 4;
   const double share = irregular_share(own, irregular);
   const bool modelled = 2 * quads >= modelled_quads * shell.own() && share <= modelled_irregular;
+  // Quads that are split from simplified triangles follow no field either.
+  const bool no_field = !shell.field || std::ranges::any_of(shell.field->result.report.components,
+                                                            [](const auto& c) { return c.rung == Rung::split; });
   // No topology to keep, or no room for one.
-  const bool free = !shell.bends || !field || shell.due < 2 * options.least_bending_quads;
+  const bool free = !shell.bends || no_field || shell.due < 2 * options.least_bending_quads;
   const auto compete = [&](std::vector<Polygon> made, GltfMake make, double handicap) {
     if (triangle_count(made) > std::max(1.05 * shell.due, shell.due + 2) && std::isfinite(best)) return;
     const Apart apart = measure.apart(as_triangles(made), poses.points().places);
@@ -303,7 +307,7 @@ Status make_shell(const Gathered& gathered, const Shells& shells, Shell& shell, 
   };
   if (modelled || free)
     compete(coarsened(own, *shells.wedges, poses.points(), {wanted, true, 0.5}, {}, context), GltfMake::rows, 1);
-  if (free || !std::isfinite(best)) {
+  if (free) {
     std::vector<Polygon> few = coarsened(triangles, *shells.wedges, poses.points(), {wanted, false, 0}, {}, context);
     compete(paired(mesh.positions(), std::move(few), {}), GltfMake::simplified, simplified_must_gain);
   }
