@@ -105,8 +105,8 @@ struct SizeField {
     if (f % 1024 == 0 && context.cancelled()) return cancelled_error("sizes");
     const auto at = static_cast<std::size_t>(f);
     const double density = mean * sizes.density[static_cast<std::size_t>(parent[at])];
-    double aspect = 1;  // |long along u| : E(ρ) = (S_u ρ² + S_v / ρ²) / 64 + const
-    if (!squares)
+    double aspect = 1;          // |long along u| : E(ρ) = (S_u ρ² + S_v / ρ²) / 64 + const
+    if (!squares && floor > 0)  // a flat surface has no best side ratio
       aspect = std::clamp(std::pow((strength[at][1] + floor) / (strength[at][0] + floor), 0.25),
                           1 / sizes.largest_aspect, sizes.largest_aspect);
     wanted.log_u[at] = 0.5 * std::log(density / aspect);

@@ -43,10 +43,11 @@ class DrawnQuads {
   void set_diagonal(Index quad, int corner) { diagonal_[to_size(quad)] = static_cast<char>(corner); }
 
   [[nodiscard]] Vector3 position(Index vertex) const { return positions_.row(vertex).transpose(); }
-  /// The corner of the quad, in [0, 4), that corner i of a triangle is.
-  [[nodiscard]] int corner(Index triangle, int i) const {
-    return (diagonal(triangle / 2) + (i == 0 ? 0 : i + triangle % 2)) % 4;
+  /// The corner of the quad, in [0, 4), that corner i of a triangle is, by the quad's diagonal.
+  [[nodiscard]] static int corner(Index triangle, int i, int diagonal) {
+    return (diagonal + (i == 0 ? 0 : i + triangle % 2)) % 4;
   }
+  [[nodiscard]] int corner(Index triangle, int i) const { return corner(triangle, i, diagonal(triangle / 2)); }
   [[nodiscard]] Vector3 normal(Index triangle) const {
     const std::array<Vector3, 3> p = points(triangle);
     const Vector3 n = (p[1] - p[0]).cross(p[2] - p[0]);

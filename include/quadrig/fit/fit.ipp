@@ -183,27 +183,46 @@ class LeastSquaresFit {
     return drawn_.normal(places_[s].triangle).dot(samples_.normal[s]) > facing ? samples_.area[s] : 0;
   }
 
-  /// Of both diagonals the one that lies nearer to the surface, as long as neither half folds over the other.
+  /// Of both diagonals the one that lies nearer to the surface, as long as neither half folds over the other. Samples
+  /// are placed on both: vertices are fitted to the mean of the two, as a choice that differs from quad to quad would
+  /// leave its pattern in their lines.
   void choose_diagonals() {
+    const auto cubed = [](double x) { return x * x * x; };
+    constexpr double worth = 0.95;  // of the error of the first, below which the second is taken
+    on_corners_.resize(places_.size());
     context_.parallel_for(at(quads_.quad_count()), 256, [&](std::size_t begin, std::size_t end) {
+      std::vector<Place> found[2];
       for (std::size_t k = begin; k < end; ++k) {
         const auto q = static_cast<Index>(k);
+        const std::span<const std::size_t> own = samples_of(q);
+        for (const std::size_t s : own) on_corners_[s].setZero();
         double error[2];
         for (int d = 0; d < 2; ++d) {
           drawn_.set_diagonal(q, d);
-          error[d] = drawn_.normal(2 * q).dot(drawn_.normal(2 * q + 1)) > 0 ? 0 : std::numeric_limits<double>::max();
-          for (const std::size_t s : samples_of(q)) {
-            const Vector3& p = samples_.position[s];
-            error[d] += samples_.area[s] *
-                        std::min(drawn_.on(2 * q, p).squared_distance, drawn_.on(2 * q + 1, p).squared_distance);
+          found[d].clear();
+          error[d] = drawn_.normal(2 * q).dot(drawn_.normal(2 * q + 1)) > 0
+                         ? 0
+                         : 1e6 * surface_.total_area() * surface_.total_area();
+          for (const std::size_t s : own) {
+            const Place one = drawn_.on(2 * q, samples_.position[s]),
+                        other = drawn_.on(2 * q + 1, samples_.position[s]);
+            const Place& nearer = found[d].emplace_back(other.squared_distance < one.squared_distance ? other : one);
+            error[d] += samples_.area[s] * nearer.squared_distance;
           }
         }
-        const int best = error[1] < error[0] ? 1 : 0;
-        drawn_.set_diagonal(q, best);
-        for (const std::size_t s : samples_of(q)) {
-          const Place one = drawn_.on(2 * q, samples_.position[s]), other = drawn_.on(2 * q + 1, samples_.position[s]);
-          places_[s] = other.squared_distance < one.squared_distance ? other : one;
+        const double sum = error[0] + error[1];
+        for (int d = 0; d < 2; ++d) {
+          // 1/2 between equals; 0.9 where the other's error is twice as large
+          const double ratio = sum > 0 ? error[1 - d] / sum : 0.5,
+                       weight = cubed(ratio) / (cubed(ratio) + cubed(1 - ratio));
+          for (std::size_t n = 0; n < own.size(); ++n)
+            for (int i = 0; i < 3; ++i)
+              on_corners_[own[n]][DrawnQuads::corner(found[d][n].triangle, i, d)] +=
+                  weight * found[d][n].barycentric[i];
         }
+        const int best = error[1] < worth * error[0] ? 1 : 0;
+        drawn_.set_diagonal(q, best);
+        for (std::size_t n = 0; n < own.size(); ++n) places_[own[n]] = found[best][n];
       }
     });
   }
@@ -486,37 +505,35 @@ class LeastSquaresFit {
     std::vector<Index> stamp_;
   };
 
-  /// Calls row(weight, residual, corners, gradients) for each row of the samples on a quad: three corners of the quad
-  /// and, for each, the gradient of normal · (place − sample), whose value is −residual.
+  /// Calls row(weight, residual, gradients) for each row of the samples on a quad: by its four corners the gradients of
+  /// normal · (place − sample), whose value is −residual.
   template <class Row>
   void for_each_row(Index quad, CornerTransforms& transforms, Row&& row) const {
+    std::array<Vector3, 4> corner, gradient;
+    for (int i = 0; i < 4; ++i) corner[at(i)] = quads_.positions.row(quads_.quads(quad, i)).transpose();
     for (const std::size_t s : samples_of(quad)) {
-      const Place& place = places_[s];
-      std::array<int, 3> corners;
-      std::array<Vector3, 3> gradient;
-      for (int i = 0; i < 3; ++i) corners[at(i)] = drawn_.corner(place.triangle, i);
-      const auto p = [&](int i) {
-        return Vector3(quads_.positions.row(quads_.quads(quad, corners[at(i)])).transpose());
-      };
+      const Eigen::Vector4d& share = on_corners_[s];
       const double area = weight(s);
       if (!(area > 0)) continue;
       if (rest_share_[s] > 0) {
-        for (int i = 0; i < 3; ++i) gradient[at(i)] = place.barycentric[i] * samples_.normal[s];
         Vector3 there = Vector3::Zero();
-        for (int i = 0; i < 3; ++i) there += place.barycentric[i] * p(i);
-        row(area * rest_share_[s], samples_.normal[s].dot(samples_.position[s] - there), corners, gradient);
+        for (int i = 0; i < 4; ++i) {
+          gradient[at(i)] = share[i] * samples_.normal[s];
+          there += share[i] * corner[at(i)];
+        }
+        row(area * rest_share_[s], samples_.normal[s].dot(samples_.position[s] - there), gradient);
       }
       for (std::size_t k = row_first_[s]; k < row_first_[s + 1]; ++k) {
         const PosedRow& posed = rows_[k];
         if (!(posed.weight > 0)) continue;
         const auto& four = transforms.get(quad, posed.pose);
         double residual = posed.offset;
-        for (int i = 0; i < 3; ++i) {
-          const auto& t = four[at(corners[at(i)])];
-          gradient[at(i)] = place.barycentric[i] * (t.template leftCols<3>().transpose() * posed.normal);
-          residual -= gradient[at(i)].dot(p(i)) + place.barycentric[i] * posed.normal.dot(t.col(3));
+        for (int i = 0; i < 4; ++i) {
+          const auto& t = four[at(i)];
+          gradient[at(i)] = share[i] * (t.template leftCols<3>().transpose() * posed.normal);
+          residual -= gradient[at(i)].dot(corner[at(i)]) + share[i] * posed.normal.dot(t.col(3));
         }
-        row(area * posed.weight, residual, corners, gradient);
+        row(area * posed.weight, residual, gradient);
       }
     }
   }
@@ -593,13 +610,11 @@ class LeastSquaresFit {
           auto& b = right[k];
           m.setZero();
           b.setZero();
-          for_each_row(q, transforms, [&](double weight, double residual, const auto& corners, const auto& gradient) {
-            for (std::size_t i = 0; i < 3; ++i) {
-              const Vector3 scaled = weight * gradient[i];
-              b.template segment<3>(3 * corners[i]) += residual * scaled;
-              for (std::size_t j = 0; j < 3; ++j)
-                if (corners[j] <= corners[i])
-                  m.template block<3, 3>(3 * corners[i], 3 * corners[j]) += scaled * gradient[j].transpose();
+          for_each_row(q, transforms, [&](double weight, double residual, const std::array<Vector3, 4>& gradient) {
+            for (int i = 0; i < 4; ++i) {
+              const Vector3 scaled = weight * gradient[at(i)];
+              b.template segment<3>(3 * i) += residual * scaled;
+              for (int j = 0; j <= i; ++j) m.template block<3, 3>(3 * i, 3 * j) += scaled * gradient[at(j)].transpose();
             }
           });
           // What each quad adds to keep its corners in order.
@@ -704,7 +719,8 @@ class LeastSquaresFit {
   std::vector<char> held_;
   SkinWeights weights_;  // of the vertices
   SurfaceSamples samples_;
-  std::vector<Place> places_;  // of the samples
+  std::vector<Eigen::Vector4d> on_corners_;  // of the samples: shares of the corners of their quads
+  std::vector<Place> places_;                // of the samples
   std::vector<std::size_t> first_, by_quad_;
   std::vector<PosedRow> rows_;  // of the samples, one after the other
   std::vector<std::size_t> row_first_, row_sample_;
