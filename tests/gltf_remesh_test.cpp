@@ -158,7 +158,11 @@ TEST_CASE("gltf: a shell that cannot be remeshed stays among the quads of the ot
   const Done done = remeshed({.needle = true}, options);
   REQUIRE(done.surfaces.size() == 1);
   const GltfRemeshed& one = done.surfaces[0];
-  CHECK(face_components(done.read_back[0].asset.mesh).count == 2);
+  // The tube's quads hang together, and the needle, narrower than what is welded here, is beside them.
+  const Components components = face_components(done.read_back[0].asset.mesh);
+  REQUIRE(one.shells.size() == 2);
+  CHECK(std::ranges::count(components.of_face, 0) == 2 * one.shells[0].quads);
+  CHECK(components.count >= 2);
   // What it becomes is the pipeline's to say; what is told of it must be true.
   REQUIRE(one.failures.size() <= 1);
   CHECK(one.passed_triangles == one.passed_shells);
