@@ -320,7 +320,9 @@ Expected<FieldResult> design_smooth_field(const FieldProblem<Scalar>& problem, c
 
   auto wanted = wanted_crosses(problem, options, flat, scales, *solver, context);
   if (!wanted) return wanted.error();
-  const auto& [targets, beta] = *wanted;
+  // no structured binding: clang 14 does not capture one
+  const auto& targets = wanted->targets;
+  const std::vector<double>& beta = wanted->beta;
   if (context.cancelled()) return cancelled_error("field");
   const HeldCrosses<Scalar> fixed = held_crosses(problem, options, flat, scales, context);
   report.fixed_faces = static_cast<Index>(fixed.x0.size());
