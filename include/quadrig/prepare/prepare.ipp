@@ -93,7 +93,7 @@ QUADRIG_INLINE Expected<Prepared> prepare(const PolygonMesh& input, const Vertex
   for (Index i = 0; i < input.polygon_count(); ++i) report.polygons_cut += input.polygon(i).size() > 3;
   report.degenerate_faces = cut->degenerate_polygons;
 
-  Work work;
+  Draft work;
   work.positions = input.positions.array() + 0.0;  // −0 and 0 are one position
   work.source.resize(static_cast<std::size_t>(input.vertex_count()));
   for (std::size_t v = 0; v < work.source.size(); ++v) work.source[v] = {static_cast<Index>(v), no_index};

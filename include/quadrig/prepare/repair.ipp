@@ -13,7 +13,7 @@ namespace quadrig::prepare_detail {
 using Face = std::array<Index, 3>;
 
 /// The mesh while it is repaired. Vertices are those of the input, then those made by splitting.
-struct Work {
+struct Draft {
   Points<double> positions;
   std::vector<Face> faces;
   std::vector<Index> polygon;                ///< per face
@@ -50,7 +50,7 @@ inline double diagonal(const Points<double>& positions) {
 }
 
 /// Joins vertices by `options.weld`, and the ends of edges without length; incomplete once cancelled.
-inline DisjointSets weld(const Work& work, const PrepareOptions& options, PrepareReport& report,
+inline DisjointSets weld(const Draft& work, const PrepareOptions& options, PrepareReport& report,
                          const Context& context) {
   const std::size_t n = work.source.size();
   DisjointSets groups(n);
@@ -106,7 +106,7 @@ inline DisjointSets weld(const Work& work, const PrepareOptions& options, Prepar
 }
 
 /// Names vertices by their groups; drops faces that repeat a vertex and faces that repeat a face.
-inline void apply_groups(Work& work, DisjointSets& groups, PrepareReport& report) {
+inline void apply_groups(Draft& work, DisjointSets& groups, PrepareReport& report) {
   std::vector<std::pair<Face, std::size_t>> keys;
   for (std::size_t f = 0; f < work.faces.size(); ++f) {
     Face& face = work.faces[f];
@@ -138,7 +138,7 @@ inline void apply_groups(Work& work, DisjointSets& groups, PrepareReport& report
 
 /// Pairs the sides of an edge of three or more faces: where they alternate around it, those that bound the same
 /// solid; else the flattest pair of opposite directions first, then the flattest.
-inline void pair_around(const Work& work, std::span<const Side> edge, std::vector<Index>& twin) {
+inline void pair_around(const Draft& work, std::span<const Side> edge, std::vector<Index>& twin) {
   const Vector3 origin = work.at(edge[0].low);
   const Vector3 axis = (work.at(edge[0].high) - origin).normalized();
   const Vector3 x_axis = axis.unitOrthogonal(), y_axis = axis.cross(x_axis);
@@ -190,7 +190,7 @@ inline void pair_around(const Work& work, std::span<const Side> edge, std::vecto
 }
 
 /// Whether a point is inside a closed part: parity of the faces that a ray meets.
-inline bool inside(const Work& work, std::span<const Index> part, const Vector3& point) {
+inline bool inside(const Draft& work, std::span<const Index> part, const Vector3& point) {
   const Vector3 ray = Vector3(0.5773, 0.5211, 0.6289).normalized();
   bool odd = false;
   for (const Index f : part) {
@@ -204,7 +204,7 @@ inline bool inside(const Work& work, std::span<const Index> part, const Vector3&
 }
 
 /// Turns faces so that paired ones agree, cuts pairs that cannot, and turns whole parts outward.
-inline void orient(Work& work, std::vector<Index>& twin, const PrepareOptions& options, PrepareReport& report) {
+inline void orient(Draft& work, std::vector<Index>& twin, const PrepareOptions& options, PrepareReport& report) {
   const std::size_t m = work.faces.size();
   std::vector<Index> part_of(m, no_index);
   std::vector<signed char> sign(m, 0);
@@ -290,7 +290,7 @@ inline void orient(Work& work, std::vector<Index>& twin, const PrepareOptions& o
 }
 
 /// Doubles vertices so that the faces around each, joined through twins, form one fan.
-inline void split_fans(Work& work, const std::vector<Index>& twin, PrepareReport& report) {
+inline void split_fans(Draft& work, const std::vector<Index>& twin, PrepareReport& report) {
   DisjointSets fans(3 * work.faces.size());
   const auto vertex = [&](Index corner) -> Index& {
     return work.faces[static_cast<std::size_t>(corner / 3)][static_cast<std::size_t>(corner % 3)];
@@ -322,7 +322,7 @@ inline void split_fans(Work& work, const std::vector<Index>& twin, PrepareReport
 
 /// Edges that still have more than two faces, or two of one direction, get a midpoint of their own for each pair.
 /// Returns whether there were any.
-inline bool part_edges(Work& work, const std::vector<Index>& twin) {
+inline bool part_edges(Draft& work, const std::vector<Index>& twin) {
   std::vector<char> touched(work.faces.size(), 0);
   bool any = false;
   const std::vector<Side> sides = sorted_sides(work.faces);
@@ -359,7 +359,7 @@ inline bool part_edges(Work& work, const std::vector<Index>& twin) {
 }
 
 /// Pairs, orients and splits until TriangleMesh's conditions hold, or until cancelled.
-inline void make_manifold(Work& work, const PrepareOptions& options, PrepareReport& report, const Context& context) {
+inline void make_manifold(Draft& work, const PrepareOptions& options, PrepareReport& report, const Context& context) {
   for (int pass = 0; pass < 100; ++pass) {
     std::vector<Index> twin(3 * work.faces.size(), no_index);
     PrepareReport ignored;
@@ -385,7 +385,7 @@ inline void make_manifold(Work& work, const PrepareOptions& options, PrepareRepo
 }
 
 /// Height over the longest edge; 0 for a face without length. `longest` gets that edge's corner.
-inline double flatness(const Work& work, const Face& face, std::size_t* longest = nullptr) {
+inline double flatness(const Draft& work, const Face& face, std::size_t* longest = nullptr) {
   double best = -1;
   for (std::size_t i = 0; i < 3; ++i) {
     const double length = (work.at(face[(i + 1) % 3]) - work.at(face[i])).squaredNorm();
@@ -399,7 +399,7 @@ inline double flatness(const Work& work, const Face& face, std::size_t* longest 
 
 /// Removes faces without area: the longest edge is flipped, so that the neighbour takes over; at an open edge the face
 /// goes. What no flip repairs is joined to the nearer end in `groups`. \pre manifold. Returns whether it changed faces.
-inline bool remove_flat_faces(Work& work, double ratio, DisjointSets& groups, PrepareReport& report) {
+inline bool remove_flat_faces(Draft& work, double ratio, DisjointSets& groups, PrepareReport& report) {
   bool changed = false;
   for (int round = 0; round < 8; ++round) {
     std::vector<Index> flat;
