@@ -18,7 +18,7 @@ class DrawnQuads {
  public:
   /// \pre the quads are an oriented manifold
   explicit DrawnQuads(const QuadMesh& mesh)
-      : quads_(mesh.quads), positions_(mesh.positions), corners_(mesh), diagonal_(to_size(mesh.quad_count()), 0) {
+      : quads_(mesh.quads), positions_(mesh.positions), corners_(mesh), diagonal_(at(mesh.quad_count()), 0) {
     const std::vector<SortedSide> sides = sorted_by_edge(mesh.vertex_count(), 4 * mesh.quad_count(), [&](Index c) {
       const Index a = quads_(c / 4, c % 4), b = quads_(c / 4, (c + 1) % 4);
       return SortedSide{std::min(a, b), std::max(a, b), c};
@@ -26,8 +26,8 @@ class DrawnQuads {
     twin_.assign(4 * diagonal_.size(), no_index);
     for (std::size_t k = 0; k + 1 < sides.size(); ++k)
       if (sides[k].same_edge(sides[k + 1])) {
-        twin_[to_size(sides[k].halfedge)] = sides[k + 1].halfedge;
-        twin_[to_size(sides[k + 1].halfedge)] = sides[k].halfedge;
+        twin_[at(sides[k].halfedge)] = sides[k + 1].halfedge;
+        twin_[at(sides[k + 1].halfedge)] = sides[k].halfedge;
       }
   }
 
@@ -37,10 +37,10 @@ class DrawnQuads {
   void set_positions(const Points<double>& positions) { positions_ = positions; }
   [[nodiscard]] const QuadCorners& corners() const { return corners_; }
   /// The side that shares its vertices with side 4 q + i, or no_index on a border.
-  [[nodiscard]] Index twin(Index side) const { return twin_[to_size(side)]; }
+  [[nodiscard]] Index twin(Index side) const { return twin_[at(side)]; }
   /// The corner, 0 or 1, that both halves begin with.
-  [[nodiscard]] int diagonal(Index quad) const { return diagonal_[to_size(quad)]; }
-  void set_diagonal(Index quad, int corner) { diagonal_[to_size(quad)] = static_cast<char>(corner); }
+  [[nodiscard]] int diagonal(Index quad) const { return diagonal_[at(quad)]; }
+  void set_diagonal(Index quad, int corner) { diagonal_[at(quad)] = static_cast<char>(corner); }
 
   [[nodiscard]] Vector3 position(Index vertex) const { return positions_.row(vertex).transpose(); }
   /// The corner of the quad, in [0, 4), that corner i of a triangle is, by the quad's diagonal.
@@ -95,7 +95,6 @@ class DrawnQuads {
   }
 
  private:
-  [[nodiscard]] static std::size_t to_size(Index i) { return static_cast<std::size_t>(i); }
   [[nodiscard]] std::array<Vector3, 3> points(Index triangle) const {
     std::array<Vector3, 3> p;
     for (int i = 0; i < 3; ++i) p[static_cast<std::size_t>(i)] = position(quads_(triangle / 2, corner(triangle, i)));
