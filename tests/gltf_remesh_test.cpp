@@ -258,6 +258,7 @@ TEST_CASE("gltf: the source map leads from each vertex to its place on the input
 TEST_CASE("gltf: edges between regions lie on the seams where quads stay good", "[gltf]") {
   GltfRemeshOptions options = asked(600);
   options.remesh.fit.method = FitMethod::slide;
+  options.remesh.symmetry = SymmetryChoice::none;  // a seam in the middle of a half may have no line near
   const Done kept = remeshed({}, options);
   options.snap_seams = false;
   const Done free = remeshed({}, options);

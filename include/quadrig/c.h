@@ -138,6 +138,16 @@ typedef enum quadrig_keep {
   quadrig_keep_groups = 4     /* where another bone's weight becomes the largest */
 } quadrig_keep;
 
+/* The same quads on both sides of a mirror plane. */
+typedef enum quadrig_symmetry {
+  quadrig_symmetry_default = 0, /* automatic with a rig, else none */
+  quadrig_symmetry_none = 1,
+  quadrig_symmetry_automatic = 2, /* whichever plane takes the surface to itself, if one does */
+  quadrig_symmetry_x = 3,         /* across this axis, or nearly */
+  quadrig_symmetry_y = 4,
+  quadrig_symmetry_z = 5
+} quadrig_symmetry;
+
 typedef struct quadrig_options {
   size_t size;            /* bytes of this struct */
   uint32_t quads;         /* wanted: 2000 */
@@ -167,6 +177,12 @@ typedef struct quadrig_options {
   const uint32_t* direction_triangles; /* triangles whose quads run along or across a direction */
   const double* directions;            /* three numbers each */
   const double* direction_weights;     /* that of a bone is 1; infinity, or null: exactly so */
+  size_t symmetry;                     /* quadrig_symmetry_default */
+  /* What the density is multiplied by, from 1/64 to 64, on top of what the error asks for. The count stays. */
+  size_t density_factor_count; /* of an asset that was made from arrays: one a triangle; 0: none */
+  const double* density_factors;
+  size_t bone_density_count; /* one a bone; 0: none */
+  const double* bone_density;
 } quadrig_options;
 
 QUADRIG_C_API void quadrig_options_init(quadrig_options* options, size_t size);
@@ -205,6 +221,9 @@ QUADRIG_C_API quadrig_status quadrig_quads_weights(const quadrig_quads* quads, s
    null. */
 QUADRIG_C_API quadrig_status quadrig_quads_source(const quadrig_quads* quads, uint32_t* triangles, size_t capacity,
                                                   double* barycentric, size_t barycentric_capacity);
+
+/* The vertex across the mirror plane, itself on it; UINT32_MAX: none. One a vertex. */
+QUADRIG_C_API quadrig_status quadrig_quads_twins(const quadrig_quads* quads, uint32_t* out, size_t capacity);
 
 /* -- glTF ---------------------------------------------------------------------------------------------------------- */
 

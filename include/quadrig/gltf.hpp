@@ -31,6 +31,10 @@ struct GltfRemeshOptions {
   /// Called before a part of a surface is remeshed, with its mesh and rig, the face of the surface's mesh that each of
   /// its faces is, and its options: may set what depends on the mesh, such as directions, densities and features.
   std::function<void(const Asset& part, std::span<const Index> source_face, RemeshOptions& options)> on_part;
+  /// Density by hand: of what these joints move, of these materials, and of the colours of vertices
+  /// (density_of_color). An attribute `_DENSITY` of vertices is one of these factors too, unasked for.
+  std::vector<NamedFactor> bone_density, material_density;
+  bool density_colors = false;
   GltfPoses pose_source = GltfPoses::bends;
   Index most_poses = 64;  ///< of clips
   /// Shells that are due fewer quads are given no field.

@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "quadrig/asset.hpp"
+#include "quadrig/density.hpp"
 #include "quadrig/prepare.hpp"
 #include "quadrig/quads.hpp"
 #include "quadrig/weights.hpp"
@@ -42,6 +43,16 @@ struct FileLimits {
 /// By the file's extension, .obj, .off or .ply, in any case. \fails unsupported on another.
 [[nodiscard]] Expected<PolygonMesh> read_surface(const std::filesystem::path& path, const FileLimits& limits,
                                                  Context& context);
+
+/// A curve of straight pieces.
+struct Polyline {
+  std::vector<Vector3> points;  ///< two or more; of a closed one the first is not repeated
+  bool closed = false;
+};
+/// The lines (l) of an OBJ, which needs no faces: those that share an end with one other alone are one curve.
+/// \fails as read_obj; bad_input where there are none
+[[nodiscard]] Expected<std::vector<Polyline>> read_lines(const std::filesystem::path& path, const FileLimits& limits,
+                                                         Context& context);
 
 /// libigl's TGF: one joint a line (number, x, y, z; further columns are ignored), a line `#`, then one bone a line
 /// (numbers of its two joints; further columns are ignored), and whatever follows a second `#` is ignored. A bone's
@@ -145,18 +156,27 @@ struct KeepOptions {
   [[nodiscard]] bool any() const { return materials || textures || lines; }
 };
 
+/// Density by hand that a surface file tells.
+struct DensityOptions {
+  std::vector<NamedFactor> materials;  ///< by the names of its materials
+  bool colors = false;                 ///< by the colours of its vertices (density_of_color)
+  [[nodiscard]] bool any() const { return colors || !materials.empty(); }
+};
+
 struct LoadOptions {
   PrepareOptions prepare;
   std::optional<BindOptions> bind = std::nullopt;  ///< how to make the weights of a rig that comes without
   KeepOptions keep;
+  DensityOptions density;
   FileLimits limits;
 };
 
 struct LoadedAsset {
   Asset asset;
-  std::vector<Index> source_vertex;   ///< vertex of the mesh file, from 0, that each vertex stands for
-  std::vector<Index> source_polygon;  ///< polygon of the mesh file, from 0, that each face is part of
-  std::vector<Index> features;        ///< half-edges that LoadOptions::keep asked for, both of a pair, ascending
+  std::vector<Index> source_vertex;     ///< vertex of the mesh file, from 0, that each vertex stands for
+  std::vector<Index> source_polygon;    ///< polygon of the mesh file, from 0, that each face is part of
+  std::vector<double> density_factors;  ///< one a face, where LoadOptions::density asks for them
+  std::vector<Index> features;          ///< half-edges that LoadOptions::keep asked for, both of a pair, ascending
   PrepareReport report;
 };
 

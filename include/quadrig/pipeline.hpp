@@ -5,10 +5,12 @@
 #include <numbers>
 
 #include "quadrig/asset.hpp"
+#include "quadrig/density.hpp"
 #include "quadrig/field.hpp"
 #include "quadrig/fit.hpp"
 #include "quadrig/polish.hpp"
 #include "quadrig/sizing.hpp"
+#include "quadrig/symmetry.hpp"
 #include "quadrig/transfer.hpp"
 
 namespace quadrig {
@@ -54,12 +56,25 @@ struct DirectionOptions {
   return directions;
 }
 
+/// A curve that quads are to follow, drawn on a surface or near it.
+struct Guide {
+  std::vector<Vector3> points;  ///< of a polyline, two or more
+  bool closed = false;
+  double width = 0;   ///< 0: edges of quads run along it; else the length within which it pulls at the directions
+  double weight = 1;  ///< of that pull, against smoothness; that of a bone is 1
+};
+
 struct RemeshOptions {
   Index quads = 2000;  ///< wanted; see RemeshReport::minimum_count for surfaces that need more
   FieldPreset preset = FieldPreset::standard;
   DirectionOptions directions;
   /// Unset: the preset's (docs/bending.md).
   std::optional<SizingOptions> sizing;
+  /// What the density that sizes ask for is multiplied by: one a vertex or one a face of the asset's mesh, from 1/64 to
+  /// 64; empty: 1. The count stays. Of a body that is mirrored those on the plane's side count.
+  std::vector<double> density_factors;
+  /// The same by bone, on what each moves; of a mirrored body both of a pair of bones count.
+  std::vector<double> bone_density;
   /// Poses the metric is built from, and their weights (empty: 1 each). No poses: every bone bent by ±`bend_degrees`
   /// about two axes.
   std::vector<Pose> poses;
@@ -74,8 +89,15 @@ struct RemeshOptions {
   /// Half-edges of the asset's mesh, one of a pair is enough, that become edges of quads: borders of materials or
   /// texture islands (`label_borders`), whatever the caller wants to find again.
   std::vector<Index> features;
+  /// Curves within 3 % of the diagonal of the surface. The surface is cut along those that become edges.
+  std::vector<Guide> guides;
   /// Where another vertex group gets the largest weight, the border becomes edges of quads too.
   bool group_borders = false;
+  /// The same topology on both sides of a mirror plane, with a chain of edges on it. Unset: `automatic` where the asset
+  /// has a rig and the preset is not the thesis's, else `none`.
+  std::optional<SymmetryChoice> symmetry;
+  /// The plane, where the caller knows it: none is looked for.
+  std::optional<MirrorPlane> mirror_plane;
   PolishOptions polish;
   FitOptions fit;
   bool keep_maps = false;  ///< RemeshResult::maps
@@ -84,6 +106,12 @@ struct RemeshOptions {
   /// \fails bad_option, naming the field
   [[nodiscard]] Status validate() const;
 };
+
+/// The symmetry that is looked for, on an asset with or without a rig.
+[[nodiscard]] inline SymmetryChoice mirror_choice(const RemeshOptions& options, bool rigged) {
+  const bool by_default = rigged && options.preset != FieldPreset::thesis;
+  return options.symmetry.value_or(by_default ? SymmetryChoice::automatic : SymmetryChoice::none);
+}
 
 /// How the quads of one component were made; every rung gives a valid mesh, the first that does is taken.
 enum class Rung : std::uint8_t {
@@ -127,6 +155,23 @@ struct StageBackends {
   std::string field, surgery, target, map, untangling;
 };
 
+/// What became of the symmetry that was asked for.
+struct SymmetryReport {
+  SymmetryChoice choice = SymmetryChoice::none;  ///< as asked for, or what stood for it
+  std::optional<MirrorPlane> plane;              ///< none: none was found
+  Index halved = 0, paired = 0, whole = 0;       ///< components: mirrored across the plane, to each other, not at all
+  SymmetrizeReport vertices;                     ///< how many came out as exact mirror images
+
+  /// Of several parts: the first plane, the sums of counts.
+  SymmetryReport& operator+=(const SymmetryReport& other) {
+    if (!plane) choice = other.choice, plane = other.plane;
+    halved += other.halved, paired += other.paired, whole += other.whole;
+    vertices.pairs += other.vertices.pairs, vertices.exact += other.vertices.exact;
+    vertices.largest = std::max(vertices.largest, other.vertices.largest);
+    return *this;
+  }
+};
+
 struct RemeshReport {
   Index quads = 0, vertices = 0, irregular = 0;
   double scaled_jacobian_average = 0, scaled_jacobian_minimum = 0;
@@ -138,6 +183,7 @@ struct RemeshReport {
   FieldReport field;       ///< of the largest component
   StageBackends backends;  ///< likewise
   FitReport fit;           ///< of all components together
+  SymmetryReport symmetry;
 };
 
 /// The map that the quads of a component are the grid of.
@@ -149,7 +195,7 @@ struct ComponentMap {
   std::vector<Index> index4;  ///< I4 a vertex: inside 4 − I4 quads, on the border 2 − I4
   EdgeMarks cut;              ///< edges across which the parameters jump
   Rung rung = Rung::fine_map;
-  Index component = 0;  ///< of RemeshReport::components
+  Index component = 0;  ///< of RemeshReport::components; of one that was mirrored the map is that of its half
 };
 
 struct RemeshResult {
@@ -158,6 +204,7 @@ struct RemeshResult {
   std::vector<Points<double>> morphs;  ///< displacements of the vertices of `mesh`, one matrix a morph of the options
   RemeshReport report;
   std::vector<ComponentMap> maps;  ///< of components that were not split, where `keep_maps` asks for them
+  std::vector<Index> twin;         ///< as of UnfittedQuads
 };
 
 /// Quads as `remesh` has them before the fit.
@@ -168,6 +215,8 @@ struct UnfittedQuads {
   std::vector<char> held;
   RemeshReport report;  ///< of the stages so far
   std::vector<ComponentMap> maps;
+  /// Of each vertex its mirror twin, itself on the plane (RemeshReport::symmetry); empty: none has one.
+  std::vector<Index> twin;
   SlideTargets targets;                                  ///< what FitMethod::slide goes by
   std::shared_ptr<const Connection<double>> connection;  ///< of the asset's mesh; `targets` refers to it
 };

@@ -22,6 +22,8 @@ struct PolygonMesh {
 
   // What some files hold in addition to the surface; else empty.
   std::vector<Index> material;              ///< p, a number for each name
+  std::vector<std::string> material_names;  ///< by number; 0: none
+  Points<double> colors;                    ///< n×3, red, green and blue in [0, 1]
   std::vector<Index> texture;               ///< one a corner: alike where the texture coordinates are; no_index: none
   std::vector<std::array<Index, 2>> lines;  ///< vertices that a line is drawn between
 

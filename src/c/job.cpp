@@ -54,6 +54,10 @@ Expected<RemeshOptions> remesh_options(const quadrig_options& options) {
   if (options.keep > (quadrig_keep_materials | quadrig_keep_textures | quadrig_keep_groups))
     return Error{ErrorCode::bad_option, "has a bit that there is none of", "options.keep", "add up quadrig_keep_…"};
   result.group_borders = (options.keep & quadrig_keep_groups) != 0;
+  if (options.symmetry > quadrig_symmetry_z)
+    return Error{ErrorCode::bad_option, "is none that there is", "options.symmetry", "give a quadrig_symmetry"};
+  if (options.symmetry != quadrig_symmetry_default)
+    result.symmetry = static_cast<SymmetryChoice>(options.symmetry - quadrig_symmetry_none);
   if (Status status = result.validate(); !status) return status.error();
   return result;
 }

@@ -83,6 +83,26 @@ Status add_own(const quadrig_asset& asset, const quadrig_options& options, Remes
   return {};
 }
 
+/// Factors of the density. \fails bad_option
+Status add_factors(const quadrig_asset& asset, const quadrig_options& options, RemeshOptions& wanted) {
+  if (options.density_factor_count > 0) {
+    const auto given = static_cast<std::size_t>(asset.triangles.rows());
+    if (!options.density_factors) return c::null_argument("options.density_factors");
+    if (options.density_factor_count != given || given == 0)
+      return Error{ErrorCode::bad_option, std::to_string(options.density_factor_count) + " values",
+                   "options.density_factors", "give one a triangle of an asset made from arrays"};
+    for (const Index triangle : asset.source_polygon)
+      wanted.density_factors.push_back(options.density_factors[at(triangle)]);
+  }
+  if (options.bone_density_count == 0) return {};
+  if (!options.bone_density) return c::null_argument("options.bone_density");
+  if (!asset.asset->rig || options.bone_density_count != asset.asset->rig->skeleton.bones.size())
+    return Error{ErrorCode::bad_option, std::to_string(options.bone_density_count) + " values", "options.bone_density",
+                 "give one a bone"};
+  wanted.bone_density.assign(options.bone_density, options.bone_density + options.bone_density_count);
+  return {};
+}
+
 template <class Out, class Value>
 quadrig_status put(const quadrig_quads* quads, Out* out, std::size_t capacity, std::size_t count, Value value) {
   if (!quads || (!out && count > 0)) return quadrig_bad_option;
@@ -109,6 +129,7 @@ quadrig_status quadrig_remesh(quadrig_job* job, const quadrig_asset* asset, cons
     if (!features) return features.error();
     wanted->features = std::move(*features);
     if (Status status = add_own(*asset, *own, *wanted); !status) return status.error();
+    if (Status status = add_factors(*asset, *own, *wanted); !status) return status.error();
     if (own->keep & (quadrig_keep_materials | quadrig_keep_textures))
       context.warn("options.keep", "an asset has neither materials nor textures: their borders are kept of glTF files");
     const double bones = asset->asset->rig ? asset->asset->rig->skeleton.bone_count() : 0;
@@ -155,6 +176,13 @@ quadrig_status quadrig_quads_positions(const quadrig_quads* quads, double* out, 
 quadrig_status quadrig_quads_positions_f(const quadrig_quads* quads, float* out, size_t capacity) {
   return put(quads, out, capacity, 3 * quadrig_quads_vertex_count(quads),
              [&](std::size_t i) { return quads->result.mesh.positions.data()[i]; });
+}
+
+quadrig_status quadrig_quads_twins(const quadrig_quads* quads, uint32_t* out, size_t capacity) {
+  return put(quads, out, capacity, quadrig_quads_vertex_count(quads), [&](std::size_t v) {
+    const std::vector<Index>& twin = quads->result.twin;
+    return v < twin.size() && twin[v] != no_index ? static_cast<std::uint32_t>(twin[v]) : UINT32_MAX;
+  });
 }
 
 quadrig_status quadrig_quads_indices(const quadrig_quads* quads, uint32_t* out, size_t capacity) {

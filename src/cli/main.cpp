@@ -92,6 +92,31 @@ file stay as they were or stray too far, or its count is missed, 10 out of memor
 12 above --time-limit.
 Nothing is written unless everything is.)";
 
+/// Names like those that were given and do not exist: options of the verb, or verbs. Empty where there are none.
+std::string meant(CLI::App& app, int argc, char** argv) {
+  using namespace quadrig;
+  std::vector<std::string> options, verbs;
+  const auto add = [&](const CLI::App& one) {
+    for (const CLI::Option* option : one.get_options())
+      for (const std::string& name : option->get_lnames()) options.push_back("--" + name);
+  };
+  add(app);
+  for (const CLI::App* verb : app.get_subcommands()) add(*verb);
+  for (const CLI::App* verb : app.get_subcommands([](const CLI::App*) { return true; }))
+    verbs.push_back(verb->get_name());
+  for (int i = 1; i < argc; ++i) {
+    std::string word = argv[i];
+    if (word.starts_with("--")) {
+      word = word.substr(0, word.find('='));
+      if (std::find(options.begin(), options.end(), word) != options.end()) continue;
+      if (const std::string near = near_misses(word, options); !near.empty()) return near;
+    } else if (i == 1 && app.get_subcommands().empty()) {
+      return near_misses(word, verbs);
+    }
+  }
+  return {};
+}
+
 int run(int argc, char** argv) {
   using namespace quadrig;
   CLI::App app("Rigged triangle meshes to animation-ready quads.", "quadrig");
@@ -128,6 +153,7 @@ int run(int argc, char** argv) {
     std::string line = error.what();
     for (char& c : line) c = c == '\n' ? ' ' : c;
     const auto verbs = app.get_subcommands();
+    if (const std::string near = meant(app, argc, argv); !near.empty()) line += "; did you mean " + near + "?";
     std::fprintf(stderr, "quadrig: %s; see quadrig%s --help\n", line.c_str(),
                  verbs.empty() ? "" : (" " + verbs.front()->get_name()).c_str());
     return cli::exit_code(ErrorCode::bad_option);

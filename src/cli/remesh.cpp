@@ -21,10 +21,67 @@ struct RemeshCommand {
   std::string topology = "best";
   double max_error = GltfRemeshOptions{}.most_edges_off;
   std::vector<std::string> keep;
+  std::string bundle;
+  std::vector<NamedFactor> bone_density, material_density;
+  bool density_colors = false;
+  std::filesystem::path guides;
+  double guide_width = 0, guide_weight = 1;
   [[nodiscard]] bool keeps(std::string_view what) const {
     return std::find(keep.begin(), keep.end(), what) != keep.end();
   }
 };
+
+/// What `--for` stands for: options where they are not given. Nothing else looks at a bundle.
+struct Bundle {
+  std::string_view name;
+  std::vector<std::pair<const char*, const char*>> options;
+};
+const std::vector<Bundle>& bundles() {
+  static const std::vector<Bundle> all{
+      {"game", {{"--symmetry", "auto"}, {"--fit", "surface"}, {"--influences", "4"}}},
+      {"film", {{"--symmetry", "auto"}, {"--fit", "surface"}, {"--influences", "8"}}},
+      {"lod", {{"--symmetry", "none"}, {"--fit", "surface"}, {"--topology", "best"}, {"--influences", "4"}}},
+      {"scan", {{"--preset", "static"}, {"--density", "rest"}, {"--symmetry", "none"}}},
+  };
+  return all;
+}
+void apply_bundle(CLI::App& verb, std::string_view name) {
+  for (const Bundle& bundle : bundles()) {
+    if (bundle.name != name) continue;
+    for (const auto& [option, value] : bundle.options) {
+      CLI::Option& place = *verb.get_option(option);
+      if (place.count() > 0) continue;
+      place.add_result(value);
+      place.run_callback();
+    }
+  }
+}
+
+/// NAME=FACTOR, as often as it is given. \throws CLI::ValidationError
+void add_factors(CLI::App& verb, const std::string& option, std::vector<NamedFactor>& place, const std::string& text,
+                 const std::string& group = {}) {
+  CLI::Option* added = verb.add_option_function<std::vector<std::string>>(
+      option,
+      [&place, option](const std::vector<std::string>& all) {
+        for (const std::string& each : all) {
+          const std::size_t equals = each.rfind('=');
+          double factor = 0;
+          const bool sound =
+              equals != std::string::npos && equals > 0 && CLI::detail::lexical_cast(each.substr(equals + 1), factor);
+          if (!sound) throw CLI::ValidationError(option, each + " is no NAME=FACTOR, such as head=2");
+          place.push_back({each.substr(0, equals), factor});
+        }
+      },
+      text);
+  added->allow_extra_args(false)->type_name("NAME=FACTOR");
+  if (!group.empty()) added->group(group);
+}
+
+Json factors_json(const std::vector<NamedFactor>& factors) {
+  Json list = Json::array();
+  for (const NamedFactor& each : factors) list.push_back({{"name", each.name}, {"factor", each.factor}});
+  return list;
+}
 
 Json options_json(const RemeshCommand& o) {
   const auto unless_set = [](const std::optional<double>& value) { return value ? Json(*value) : Json(nullptr); };
@@ -45,7 +102,15 @@ Json options_json(const RemeshCommand& o) {
   json["bend_degrees"] = o.remesh.bend_degrees;
   json["crease_degrees"] = o.crease_degrees > 0 ? Json(o.crease_degrees) : Json(nullptr);
   json["keep"] = o.keep;
+  json["for"] = o.bundle.empty() ? Json(nullptr) : Json(o.bundle);
+  json["guides"] = o.guides.empty() ? Json(nullptr) : Json(o.guides.string());
+  json["guide_width"] = o.guide_width;
+  json["guide_weight"] = o.guide_weight;
+  json["bone_density"] = factors_json(o.bone_density);
+  json["material_density"] = factors_json(o.material_density);
+  json["density_colors"] = o.density_colors;
   json["fit"] = fit_method_name(o.remesh.fit.method);
+  json["symmetry"] = o.remesh.symmetry ? Json(symmetry_choice_name(*o.remesh.symmetry)) : Json(nullptr);
   json["influences"] = o.remesh.influences;
   json["count_tolerance"] = o.remesh.count_tolerance;
   json["solver"] = o.remesh.solver.name;
@@ -72,6 +137,16 @@ Json report_json(const RemeshCommand& options, const LoadedAsset& loaded, const 
   report["options"] = options_json(options);
   add_remesh_figures(report, r, read_seconds, warnings);
   return report;
+}
+
+/// The lines of an OBJ as curves. \fails as read_lines
+Expected<std::vector<Guide>> read_guides(const std::filesystem::path& path, const FileLimits& limits, Context& context,
+                                         double width, double weight) {
+  Expected<std::vector<Polyline>> lines = read_lines(path, limits, context);
+  if (!lines) return lines.error();
+  std::vector<Guide> guides;
+  for (Polyline& line : *lines) guides.push_back({std::move(line.points), line.closed, width, weight});
+  return guides;
 }
 
 Status remesh_files(RemeshCommand options, Session& session) {
@@ -121,6 +196,9 @@ Status remesh_files(RemeshCommand options, Session& session) {
   }
   if (options.crease_degrees > 0) options.remesh.crease_angle_radians = options.crease_degrees * std::numbers::pi / 180;
   options.remesh.group_borders = options.keeps("groups");
+  if (!gltf && !options.bone_density.empty() && input.files.rig.empty())
+    return Error{ErrorCode::bad_option, "needs bones", "--bone-density", "give --rig, or leave it out"};
+  options.input.load.density = {options.material_density, options.density_colors};
   options.input.load.keep = {options.keeps("materials"), options.keeps("textures"), options.keeps("lines")};
   if (gltf && options.keeps("lines"))
     return Error{ErrorCode::bad_option, "--keep lines is for OBJ files", input.files.mesh.string(), "leave it out"};
@@ -130,9 +208,16 @@ Status remesh_files(RemeshCommand options, Session& session) {
     options.input.load.bind->solver = options.remesh.solver.name;
   }
 
+  if (!options.guides.empty()) {
+    Expected<std::vector<Guide>> guides = read_guides(options.guides, options.input.load.limits, session.context,
+                                                      options.guide_width, options.guide_weight);
+    if (!guides) return guides.error();
+    options.remesh.guides = std::move(*guides);
+  }
   if (gltf) {
     GltfJob job;
     job.input = input.files.mesh;
+    job.guides = options.guides;
     job.output = options.output;
     job.report = options.report;
     job.quads_out = options.quads_out;
@@ -147,6 +232,9 @@ Status remesh_files(RemeshCommand options, Session& session) {
     const bool field = options.topology == "field" || options.remesh.preset == FieldPreset::thesis;
     job.options.topology = field ? GltfTopology::field : GltfTopology::best;
     job.options.most_edges_off = options.max_error;
+    job.options.bone_density = options.bone_density;
+    job.options.material_density = options.material_density;
+    job.options.density_colors = options.density_colors;
     job.options.keep_materials = options.keeps("materials");
     job.options.keep_textures = options.keeps("textures");
     job.options_json = options_json(options);
@@ -159,11 +247,21 @@ Status remesh_files(RemeshCommand options, Session& session) {
                  "leave it out"};
   FileSet files;
   if (Status status = declare(files, input, {options.output, options.report, weights_out}); !status) return status;
+  if (!options.guides.empty())
+    if (Status status = files.reads(options.guides); !status) return status;
   const Stopwatch watch;
   const Expected<LoadedAsset> loaded = load(input, session);
   if (!loaded) return loaded.error();
   const double read_seconds = watch.seconds();
   options.remesh.features = loaded->features;
+  options.remesh.density_factors = loaded->density_factors;
+  if (!options.bone_density.empty()) {
+    std::vector<std::string> names;
+    for (const Bone& bone : loaded->asset.rig->skeleton.bones) names.push_back(bone.name);
+    Expected<std::vector<double>> factors = named_factors(options.bone_density, names, "bone");
+    if (!factors) return factors.error();
+    options.remesh.bone_density = std::move(*factors);
+  }
   options.remesh.keep_maps = !options.map_out.empty();
   const Expected<RemeshResult> result = remesh(loaded->asset, options.remesh, session.context);
   if (!result) return result.error();
@@ -189,12 +287,48 @@ Status remesh_files(RemeshCommand options, Session& session) {
       options.output.string() + ": " + std::to_string(r.quads) + " quads, " + std::to_string(r.irregular) +
       " irregular vertices, scaled Jacobian " + decimals(r.scaled_jacobian_average, 3) + " on average and " +
       decimals(r.scaled_jacobian_minimum, 3) + " at least, " + decimals(read_seconds + r.seconds.total, 2) + " s";
+  if (const std::string words = symmetry_words(r.symmetry); !words.empty()) line += "; " + words;
   if (r.minimum_count > 0) line += "; fewer that fit this surface were not found";
   session.say(line);
   return {};
 }
 
+Json symmetry_json(const SymmetryReport& s) {
+  Json json = {{"choice", symmetry_choice_name(s.choice)}, {"plane", nullptr}};
+  if (!s.plane) return json;
+  const MirrorPlane& p = *s.plane;
+  json["plane"] = {{"normal", {p.normal[0], p.normal[1], p.normal[2]}},
+                   {"offset", p.offset},
+                   {"tolerance", p.tolerance},
+                   {"share", p.share},
+                   {"near_share", p.near_share},
+                   {"deviation", p.deviation},
+                   {"paired_bones", p.twin.empty() ? Json(nullptr) : Json(p.paired_bones)}};
+  json["components"] = {{"halved", s.halved}, {"paired", s.paired}, {"whole", s.whole}};
+  json["pairs"] = s.vertices.pairs;
+  json["exact"] = s.vertices.exact;
+  return json;
+}
+
 }  // namespace
+
+std::string symmetry_words(const SymmetryReport& s) {
+  if (!s.plane) return {};
+  const Vector3 n = s.plane->normal;
+  Eigen::Index axis = 0;
+  n.cwiseAbs().maxCoeff(&axis);
+  constexpr double upright = 0.9999;
+  std::string words = "mirrored across ";
+  if (n[axis] > upright)
+    words += std::string(1, static_cast<char>('x' + axis));
+  else
+    words += "a plane near " + std::string(1, static_cast<char>('x' + axis));
+  if (s.halved + s.paired == 0) return "a mirror plane, but no part that is mirrored";
+  const double share = s.vertices.pairs > 0 ? static_cast<double>(s.vertices.exact) / s.vertices.pairs : 0;
+  words += " (" + decimals(100 * share, 1) + " % of the vertices exactly";
+  if (s.whole > 0) words += ", " + std::to_string(s.whole) + (s.whole == 1 ? " part not" : " parts not");
+  return words + ")";
+}
 
 void add_remesh_figures(Json& report, const RemeshReport& r, double read_seconds, std::span<const Warning> warnings) {
   report["quads"] = r.quads;
@@ -223,6 +357,7 @@ void add_remesh_figures(Json& report, const RemeshReport& r, double read_seconds
                    {"posed_before", r.fit.posed_before},  {"posed_after", r.fit.posed_after},
                    {"largest_move", r.fit.largest_move},  {"dropped_influences", r.fit.dropped_influences},
                    {"dropped_error", r.fit.dropped_error}};
+  report["symmetry"] = symmetry_json(r.symmetry);
   report["solvers"] = {{"field", r.backends.field},
                        {"surgery", r.backends.surgery},
                        {"target", r.backends.target},
@@ -250,6 +385,9 @@ void add_remesh(CLI::App& app, Run& run) {
   RemeshOptions& remesh = options->remesh;
   CLI::App* verb = app.add_subcommand("remesh", "Quads that follow the rig, with the rig's weights");
   add_input(*verb, options->input, ".obj, .off or .ply, or a glTF file: .glb, .gltf or .vrm");
+  const std::string files = "Other files", edges = "Where edges run", sizes = "Where quads are small";
+
+  // The twelve that most need.
   verb->add_option("--quads", options->quads, "How many quads; of a glTF file several, one file a level of detail")
       ->required()
       ->delimiter(',')
@@ -258,76 +396,123 @@ void add_remesh(CLI::App& app, Run& run) {
   verb->add_option("-o,--output", options->output, "The quads; of a glTF file the whole file")
       ->required()
       ->type_name("OUT.obj|.glb|.gltf|.vrm");
-  verb->add_option("--quads-out", options->quads_out, "The quads of a glTF file alone")->type_name("Q.obj");
-  verb->add_option(
-          "--map-out", options->map_out,
-          "The map: its triangles with the grid of the quads as texture coordinates, cuts and singular vertices")
-      ->type_name("M.obj");
-  verb->add_option("--weights-out", options->weights_out, "Their skin weights")->type_name("W.dmat");
-  verb->add_flag("--binary-weights", options->binary_weights, "Write the weights as binary DMAT")
-      ->needs("--weights-out");
-  verb->add_option("--report", options->report, "The figures as JSON (docs/report-schema.json)")->type_name("FILE");
-  verb->add_option("--preset", options->preset,
-                   "default: the rig's directions, sizes by how it bends; thesis: the exact energy and densities of "
-                   "the thesis; static: no rig, along the curvature")
-      ->check(CLI::IsMember({"default", "thesis", "static"}))
-      ->option_text("default|thesis|static = default");
+  verb->add_option("--for", options->bundle,
+                   "What the quads are for: sets the options that docs/command.md lists, where they are not given")
+      ->check(CLI::IsMember({"game", "film", "lod", "scan"}))
+      ->option_text("game|film|lod|scan");
+  verb->add_option_function<std::string>(
+          "--symmetry",
+          [options](const std::string& name) {
+            if (const Expected<SymmetryChoice> choice = symmetry_choice(name)) options->remesh.symmetry = *choice;
+          },
+          "The same quads on both sides of a mirror plane: auto finds it, x, y or z is the axis it lies across, none "
+          "leaves each side to itself. With a rig auto, else none")
+      ->check(CLI::IsMember({"auto", "x", "y", "z", "none"}))
+      ->option_text("auto|x|y|z|none");
+  add_factors(*verb, "--bone-density", options->bone_density,
+              "So many times as many quads on what a bone moves, the count being the same: head=2; * stands for any "
+              "letters; may be repeated");
+  CLI::Option* guides = verb->add_option("--guides", options->guides,
+                                         "Curves that edges follow: the lines (l) of an OBJ, drawn on the surface")
+                            ->type_name("FILE.obj");
   verb->add_option("--creases", options->crease_degrees, "Edges that bend more than this stay edges, degrees")
       ->check(CLI::Range(0.01, 180.0))
       ->type_name("ANGLE");
+  verb->add_option_function<std::string>(
+          "--fit", [&remesh](const std::string& name) { remesh.fit.method = *fit_method(name); },
+          "Where vertices go: surface: off the surface, where flat quads are nearest to it at rest and bent; slide: "
+          "along the surface; none: where quads are most even")
+      ->check(CLI::IsMember({"surface", "slide", "none"}))
+      ->option_text("surface|slide|none = surface");
+  verb->add_option("--influences", remesh.influences, "Most bones that move a vertex")
+      ->capture_default_str()
+      ->type_name("N");
+  verb->add_option("--report", options->report, "The figures as JSON (docs/report-schema.json)")->type_name("FILE");
+
+  verb->get_option("--bind")->group(files);
+  verb->add_option("--weights-out", options->weights_out, "The skin weights of the quads")
+      ->type_name("W.dmat")
+      ->group(files);
+  verb->add_flag("--binary-weights", options->binary_weights, "Write the weights as binary DMAT")
+      ->needs("--weights-out")
+      ->group(files);
+  verb->add_option("--quads-out", options->quads_out, "The quads of a glTF file alone")
+      ->type_name("Q.obj")
+      ->group(files);
+  verb->add_option(
+          "--map-out", options->map_out,
+          "The map: its triangles with the grid of the quads as texture coordinates, cuts and singular vertices")
+      ->type_name("M.obj")
+      ->group(files);
+
   verb->add_option("--keep", options->keep,
                    "Borders that become edges of quads: of materials, of texture islands, of the vertex groups of the "
                    "rig (where another bone's weight becomes the largest), and what the OBJ draws as lines")
       ->delimiter(',')
       ->check(CLI::IsMember({"materials", "textures", "groups", "lines"}))
       ->allow_extra_args(false)
-      ->type_name("materials|textures|groups|lines[,…]");
-  verb->add_option_function<std::string>(
-          "--fit", [&remesh](const std::string& name) { remesh.fit.method = *fit_method(name); },
-          "Where vertices go: surface: off the surface, where flat quads are nearest to it at rest and bent; slide: "
-          "along "
-          "the surface; none: where quads are most even")
-      ->check(CLI::IsMember({"surface", "slide", "none"}))
-      ->option_text("surface|slide|none = surface");
-  verb->add_option("--influences", remesh.influences, "Most weights that a vertex keeps")
+      ->type_name("materials|textures|groups|lines[,…]")
+      ->group(edges);
+  verb->add_option("--guide-width", options->guide_width,
+                   "Guides do not become edges, but pull at the directions of edges within this length of them")
+      ->check(CLI::NonNegativeNumber)
+      ->needs(guides)
+      ->type_name("LENGTH")
+      ->group(edges);
+  verb->add_option("--guide-weight", options->guide_weight, "How much they pull then; a bone pulls by 1")
+      ->check(CLI::PositiveNumber)
+      ->needs(guides)
       ->capture_default_str()
-      ->type_name("N");
-
-  const std::string group = "Directions and sizes (where not given, the preset's; thesis takes its own directions)";
+      ->type_name("WEIGHT")
+      ->group(edges);
+  verb->add_option("--preset", options->preset,
+                   "default: the rig's directions, sizes by how it bends; thesis: the exact energy and densities of "
+                   "the thesis; static: no rig, along the curvature")
+      ->check(CLI::IsMember({"default", "thesis", "static"}))
+      ->option_text("default|thesis|static = default")
+      ->group(edges);
   const auto pull = [&](const std::string& name, std::optional<double>& place, const std::string& text) {
     verb->add_option_function<double>(
             name, [&place](const double& value) { place = value; }, text)
         ->check(CLI::NonNegativeNumber)
         ->type_name("WEIGHT")
-        ->group(group);
+        ->group(edges);
   };
   pull("--bones", remesh.directions.bones, "Pull of the bones on the directions");
   pull("--curvature", remesh.directions.curvature, "Pull of the curvature at rest");
   verb->add_option("--posed", remesh.directions.posed, "Pull of the curvature over the poses")
       ->check(CLI::NonNegativeNumber)
       ->type_name("WEIGHT")
-      ->group(group);
-  auto* density = verb->add_option("--density", options->density, "What decides the size of a quad");
+      ->group(edges);
+
+  add_factors(*verb, "--material-density", options->material_density,
+              "So many times as many quads on a material; may be repeated", sizes);
+  verb->add_flag("--density-colors", options->density_colors,
+                 "Colours of vertices say how many quads: red four times as many, cyan a quarter, grey as many")
+      ->group(sizes);
+  auto* density = verb->add_option("--density", options->density,
+                                   "What decides the size of a quad: uniform: nothing; rest: how the surface curves; "
+                                   "posed: how it curves when bent; blend: where weights blend; field: the thesis's");
   density->check(CLI::IsMember({"uniform", "field", "blend", "rest", "posed"}))
       ->option_text("uniform|field|blend|rest|posed")
-      ->group(group);
+      ->group(sizes);
   const auto size = [&](const std::string& name, double& place, const std::string& text) {
-    return verb->add_option(name, place, text)->needs(density)->capture_default_str()->type_name("X")->group(group);
+    return verb->add_option(name, place, text)->needs(density)->capture_default_str()->type_name("X")->group(sizes);
   };
-  size("--aspect", options->sizing.largest_aspect, "Longest over shortest side, at most")
+  size("--aspect", options->sizing.largest_aspect, "Longest over shortest side of a quad, at most")
       ->each([options](const std::string&) { options->aspect_given = true; });
   size("--joint-weight", options->sizing.joint_weight, "How much more an error counts where weights blend");
-  size("--least-density", options->sizing.least_density, "Of the mean");
-  size("--largest-density", options->sizing.largest_density, "Of the mean");
+  size("--least-density", options->sizing.least_density, "Fewest quads anywhere, of the mean");
+  size("--largest-density", options->sizing.largest_density, "Most quads anywhere, of the mean");
   size("--gradation", options->sizing.gradation, "Change of size over one quad, at most");
   verb->add_option("--bend", remesh.bend_degrees, "The poses: every bone bent by this both ways, degrees")
       ->capture_default_str()
       ->type_name("ANGLE")
-      ->group(group);
+      ->group(sizes);
   verb->add_option("--poses", options->poses, "Of a glTF file: bend every joint, or sample its own clips")
       ->check(CLI::IsMember({"bends", "clips"}))
       ->option_text("bends|clips = bends")
-      ->group(group);
+      ->group(sizes);
 
   const std::string parts = "Parts of a glTF file";
   verb->add_option("--select", options->selection.names,
@@ -379,7 +564,10 @@ void add_remesh(CLI::App& app, Run& run) {
 
 On an error nothing is written, the reason is one line, and the exit code tells its kind: see quadrig --help.)");
   verb->fallthrough();
-  verb->callback([options, &run] { run = [options](Session& session) { return remesh_files(*options, session); }; });
+  verb->callback([options, verb, &run] {
+    apply_bundle(*verb, options->bundle);
+    run = [options](Session& session) { return remesh_files(*options, session); };
+  });
 }
 
 }  // namespace quadrig::cli

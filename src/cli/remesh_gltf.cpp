@@ -23,6 +23,8 @@ RemeshReport together(std::span<const GltfRemeshed> all, const RemeshOptions& op
     sum.components.insert(sum.components.end(), r.components.begin(), r.components.end());
     sum.warnings.insert(sum.warnings.end(), r.warnings.begin(), r.warnings.end());
     sum.seconds += r.seconds;
+    sum.fit += r.fit;
+    sum.symmetry += r.symmetry;
     if (r.quads > largest) {
       largest = r.quads;
       sum.field = r.field;
@@ -195,6 +197,7 @@ Status add_level(const GltfJob& job, const GltfDocument& input, double read_seco
                 ? "; farthest from the input by " + decimals(farthest->largest / farthest->edge, 1) +
                       " edges: " + farthest->part
                 : "") +
+           (symmetry_words(sum.symmetry).empty() ? "" : "; " + symmetry_words(sum.symmetry)) +
            (strayed > 0 ? "; " + std::to_string(strayed) + (strayed == 1 ? " shell strays" : " shells stray") : "") +
            (failed > 0 ? "; " + std::to_string(failed) + (failed == 1 ? " part failed" : " parts failed") : "");
   session.in_part = session.in_part || failed > 0 || strayed > 0 ||
@@ -225,6 +228,8 @@ Status remesh_gltf_file(const GltfJob& job, Session& session) {
   const std::vector<Warning> read_warnings = session.context.warnings;
   FileSet files;
   files.replaces_beside = job.force;
+  if (!job.guides.empty())
+    if (Status status = files.reads(job.guides); !status) return status;
   std::vector<GltfJob> levels(job.quads.size(), job);
   for (std::size_t k = 0; k < levels.size(); ++k) {
     GltfJob& level = levels[k];

@@ -131,6 +131,8 @@ RemeshOptions field_options(const Gathered& gathered, const Shells& shells, cons
   if (!rigged) own.group_borders = false;
   if (options.pose_source == GltfPoses::clips && rigged && !gathered.surface.asset.rig->clips.empty())
     own.poses = shells.poses;
+  own.symmetry = shells.mirror ? mirror_choice(options.remesh, rigged) : SymmetryChoice::none;
+  own.mirror_plane = shells.mirror;
   return own;
 }
 
@@ -195,6 +197,8 @@ Expected<FieldQuads> make_field(const Gathered& gathered, const Shells& shells, 
   own.quads = std::max<Index>(6, static_cast<Index>(std::lround(shell.due / 2)));
   own.features = lines_of(gathered, shells, part.mesh, made.faces, options, sharp, own.quads);
   own.morphs = morphs_of(gathered, part.mesh, made.faces);
+  if (!shells.density.empty() && own.preset != FieldPreset::thesis)
+    for (const Index f : made.faces) own.density_factors.push_back(shells.density[at(f)]);
   if (options.on_part) options.on_part(part, made.faces, own);
   Expected<UnfittedQuads> unfitted = remesh_unfitted(part, own, context);
   if (!unfitted) return unfitted.error();

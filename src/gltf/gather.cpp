@@ -80,6 +80,11 @@ Status Gatherer::add(std::size_t mesh, std::size_t number, const Json& json) {
   Primitive primitive;
   primitive.mesh = mesh;
   primitive.number = number;
+  const Json& materials = array_of(state_.json, "materials");
+  if (const Json* index = member(json, "material"))
+    if (const auto m = whole(*index); m && *m < materials.size())
+      if (const Json* name = member(materials[*m], "name"); name && name->is_string())
+        primitive.material = name->get<std::string>();
   std::vector<Loose> loose;
   std::vector<std::pair<std::shared_ptr<const Values>, std::shared_ptr<const Values>>> sets;
   for (const auto& [name, accessor] : attributes->items()) {

@@ -18,6 +18,13 @@ void append(RemeshResult& all, const FieldQuads& field) {
   all.mesh.positions.bottomRows(own.vertex_count()) = own.positions;
   all.mesh.quads.conservativeResize(quads + own.quad_count(), 4);
   all.mesh.quads.bottomRows(own.quad_count()) = own.quads.array() + vertices;
+  // Of those that have none all are given, as long as any shell has one.
+  const std::vector<Index>& twin = field.result.twin;
+  if (!twin.empty() || !all.twin.empty()) {
+    all.twin.resize(at(vertices), no_index);
+    for (Index v = 0; v < own.vertex_count(); ++v)
+      all.twin.push_back(twin.empty() || twin[at(v)] == no_index ? no_index : vertices + twin[at(v)]);
+  }
   for (const SurfacePoint& point : own.source)
     all.mesh.source.push_back({field.faces[at(point.face)], point.barycentric});
   all.morphs.resize(field.result.morphs.size());
@@ -33,6 +40,7 @@ void append(RemeshResult& all, const FieldQuads& field) {
   all.report.quads += report.quads;
   all.report.irregular += report.irregular;
   all.report.fit += report.fit;
+  all.report.symmetry += report.symmetry;
   all.report.components.insert(all.report.components.end(), report.components.begin(), report.components.end());
   all.report.warnings.insert(all.report.warnings.end(), report.warnings.begin(), report.warnings.end());
   all.report.seconds += report.seconds;
@@ -128,6 +136,7 @@ void collect(Job& job, const Shells& shells, GltfRemeshed& done, Index influence
     done.passed_triangles += told.triangles;
   }
   if (asset.rig) set_weights(result, asset, weights);
+  if (!result.twin.empty()) result.twin.resize(at(result.mesh.vertex_count()), no_index);
   RemeshReport& report = result.report;
   report.vertices = result.mesh.vertex_count();
   report.scaled_jacobian_minimum = 1;
@@ -234,6 +243,7 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
       if (rig && options.pose_source == GltfPoses::clips && rig->clips.empty())
         tell("has no clips: every joint is bent instead");
     }
+  if (Status status = gltf::check_density(*gathered, options); !status) return status.error();
   context.progress("shares", 0);
   if (context.cancelled()) return cancelled_error("gltf");
   std::vector<gltf::Shells> shells;
@@ -248,6 +258,8 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
     shells.push_back(std::move(*found));
   }
   gltf::share_out(shells, 2.0 * options.remesh.quads, options);
+  for (std::size_t s = 0; s < shells.size(); ++s) gltf::join_twins((*gathered)[s], shells[s], options, context);
+  if (context.cancelled()) return cancelled_error("gltf");
   for (const gltf::Shells& one : shells)
     for (const gltf::Shell& shell : one.list) work += shell.due;
 

@@ -5,6 +5,7 @@
 
 #include "quadrig/constraints/posed_metric.hpp"
 #include "quadrig/dominance.hpp"
+#include "quadrig/pipeline/halves.hpp"
 #include "quadrig/skinning.hpp"
 
 namespace quadrig::gltf {
@@ -34,6 +35,16 @@ Expected<Shells> find_shells(const Gathered& gathered, const GltfRemeshOptions& 
   shells.list.resize(at(shells.components.count));
   for (Index f = 0; f < mesh.face_count(); ++f) shells.list[at(shells.components.of_face[at(f)])].faces.push_back(f);
 
+  const SymmetryChoice symmetry = mirror_choice(options.remesh, asset.rig.has_value());
+  if (symmetry != SymmetryChoice::none && options.remesh.mirror_plane) {
+    shells.mirror = options.remesh.mirror_plane;
+  } else if (symmetry != SymmetryChoice::none) {
+    Expected<std::optional<MirrorPlane>> found = find_mirror_plane(asset, symmetry, context);
+    if (!found) return found.error();
+    shells.mirror = std::move(*found);
+  }
+
+  shells.density = density_factors(gathered, shells.mirror, options);
   const Connection<double> connection(mesh, &context);
   PosedForms forms = PosedForms::at_rest(mesh, connection);
   std::vector<double> omega1;
@@ -55,7 +66,9 @@ Expected<Shells> find_shells(const Gathered& gathered, const GltfRemeshOptions& 
   if (!metric) return metric.error();
   const double scale = gathered.surface.world_scale;
   for (Shell& shell : shells.list) {
-    for (const Index f : shell.faces) shell.demand += mesh.area(f) * std::cbrt(metric->error[at(f)]);
+    for (const Index f : shell.faces)
+      shell.demand +=
+          mesh.area(f) * std::cbrt(metric->error[at(f)]) * (shells.density.empty() ? 1 : shells.density[at(f)]);
     shell.demand *= std::pow(scale, 4.0 / 3);
     if (asset.rig) {
       Index first = no_index;
@@ -110,6 +123,31 @@ void share_out(std::vector<Shells>& all, double triangles, const GltfRemeshOptio
     largest->due = std::max(triangles - others, 2 * options.remesh.quads * largest->demand / demand);
     largest->alone = true;
   }
+}
+
+void join_twins(const Gathered& gathered, Shells& shells, const GltfRemeshOptions& options, const Context& context) {
+  if (!shells.mirror || shells.list.size() < 2) return;
+  std::vector<std::vector<Index>> faces;
+  for (const Shell& shell : shells.list) faces.push_back(shell.faces);
+  const Asset& asset = gathered.surface.asset;
+  const quadrig::detail::MirrorMap map(asset, *shells.mirror);
+  const auto roles = quadrig::detail::mirror_roles(asset, faces, map, context);
+  std::vector<char> joined(shells.list.size(), 0);
+  for (std::size_t c = 0; c < roles.size(); ++c) {
+    if (roles[c].role != quadrig::detail::MirrorRole::first) continue;
+    Shell &first = shells.list[c], &second = shells.list[at(roles[c].other)];
+    if (!wants_field(first, options) || !wants_field(second, options)) continue;
+    first.faces.insert(first.faces.end(), second.faces.begin(), second.faces.end());
+    std::sort(first.faces.begin(), first.faces.end());
+    first.demand += second.demand;
+    first.due += second.due;
+    first.bends = first.bends || second.bends;
+    joined[at(roles[c].other)] = 1;
+  }
+  std::size_t kept = 0;
+  for (std::size_t c = 0; c < joined.size(); ++c)
+    if (!joined[c] && kept++ != c) shells.list[kept - 1] = std::move(shells.list[c]);
+  shells.list.resize(kept);
 }
 
 bool wants_field(const Shell& shell, const GltfRemeshOptions& options) {

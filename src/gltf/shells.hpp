@@ -41,6 +41,9 @@ struct Shells {
   std::optional<Wedges> wedges;
   std::vector<Shell> list;
   std::vector<Pose> poses;  ///< that its surface is judged in
+  /// Found on the whole surface, for all of its shells; none: there is none, or none was asked for.
+  std::optional<MirrorPlane> mirror;
+  std::vector<double> density;  ///< factors by hand, one a face; empty: none
 };
 
 /// Cuts a surface into shells and finds what each demands: the integral of the cube root of the error that quads of one
@@ -49,9 +52,18 @@ struct Shells {
 [[nodiscard]] Expected<Shells> find_shells(const Gathered& gathered, const GltfRemeshOptions& options,
                                            Context& context);
 
+/// Factors of the density by hand, one a face; empty where there are none.
+[[nodiscard]] std::vector<double> density_factors(const Gathered& gathered, const std::optional<MirrorPlane>& mirror,
+                                                  const GltfRemeshOptions& options);
+/// \fails bad_option where a name is that of no joint or material
+[[nodiscard]] Status check_density(const std::vector<Gathered>& all, const GltfRemeshOptions& options);
+
 /// Shares `triangles` out to all shells by demand, with one multiplier. Those that would get as many as they have, or
 /// more, keep what they have unless there are enough for all to have more.
 void share_out(std::vector<Shells>& all, double triangles, const GltfRemeshOptions& options);
+
+/// Shells that the plane takes to each other become one where both are due enough for a field: they get the same quads.
+void join_twins(const Gathered& gathered, Shells& shells, const GltfRemeshOptions& options, const Context& context);
 
 /// Whether what a shell is due is enough for a field to be laid on it.
 [[nodiscard]] bool wants_field(const Shell& shell, const GltfRemeshOptions& options);

@@ -14,6 +14,36 @@ Expected<PolygonMesh> read_surface(const std::filesystem::path& path, const File
                "give an .obj, .off or .ply file"};
 }
 
+namespace {
+
+/// Factors of the faces, from colours and materials. \fails bad_option
+Expected<std::vector<double>> density_factors(const PolygonMesh& polygons, const LoadedAsset& loaded,
+                                              const DensityOptions& options, const std::filesystem::path& path) {
+  using detail::at;
+  const auto absent = [&](const char* what, const char* option) {
+    return Error{ErrorCode::bad_option, std::string("has no ") + what, path.string(),
+                 std::string("leave out ") + option + ", or give a file that has some"};
+  };
+  const TriangleMesh<double>& mesh = loaded.asset.mesh;
+  std::vector<double> factors(at(mesh.face_count()), 1.0);
+  if (!options.materials.empty()) {
+    if (polygons.material_names.empty()) return absent("materials", "--material-density");
+    const Expected<std::vector<double>> named = named_factors(options.materials, polygons.material_names, "material");
+    if (!named) return named.error();
+    for (std::size_t f = 0; f < factors.size(); ++f)
+      factors[f] *= (*named)[at(polygons.material[at(loaded.source_polygon[f])])];
+  }
+  if (!options.colors) return factors;
+  if (polygons.colors.rows() == 0) return absent("colours of vertices", "--density-colors");
+  for (Index h = 0; h < mesh.halfedge_count(); ++h) {
+    const Index v = loaded.source_vertex[at(mesh.origin(h))];
+    factors[at(h / 3)] *= std::cbrt(density_of_color(polygons.colors.row(v).transpose()));
+  }
+  return factors;
+}
+
+}  // namespace
+
 Expected<LoadedAsset> load_asset(const AssetFiles& files, const LoadOptions& options, Context& context) {
   if (files.rig.empty() && !files.weights.empty())
     return Error{ErrorCode::bad_option, "weights without a rig", files.weights.string(), "give both files or neither"};
@@ -77,6 +107,11 @@ Expected<LoadedAsset> load_asset(const AssetFiles& files, const LoadOptions& opt
   loaded.source_vertex = std::move(prepared->source_vertex);
   loaded.source_polygon = std::move(prepared->source_polygon);
   loaded.report = prepared->report;
+  if (options.density.any()) {
+    Expected<std::vector<double>> factors = density_factors(*polygons, loaded, options.density, files.mesh);
+    if (!factors) return factors.error();
+    loaded.density_factors = std::move(*factors);
+  }
   if (options.keep.any())
     loaded.features =
         io::kept_halfedges(*polygons, loaded.asset.mesh, loaded.source_polygon, options.keep, files.mesh, context);

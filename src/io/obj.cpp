@@ -74,12 +74,16 @@ Index texture_of(std::string_view corner, std::int64_t so_far) {
 
 }  // namespace
 
-Expected<PolygonMesh> read_obj(const std::filesystem::path& path, const FileLimits& limits, Context& context) {
+namespace {
+
+/// \param lines_alone whether the file need have no faces
+Expected<PolygonMesh> read(const std::filesystem::path& path, const FileLimits& limits, Context& context,
+                           bool lines_alone) {
   Expected<std::string> text = io::read_file(path, limits, &context);
   if (!text) return text.error();
 
   PolygonMesh mesh;
-  std::vector<double> coordinates;
+  std::vector<double> coordinates, colors;
   std::vector<std::size_t> face_line;
   std::vector<Index> polygon, corner_textures;
   mesh.first_corner.push_back(0);
@@ -104,6 +108,15 @@ Expected<PolygonMesh> read_obj(const std::filesystem::path& path, const FileLimi
         if (!io::to_number(word, value) || !std::isfinite(value))
           return at_line(path, line, shown(word) + " is not a finite number", "give x, y and z as numbers");
         coordinates.push_back(value);
+      }
+      std::array<double, 4> more{};
+      std::size_t count = 0;
+      for (std::string_view word = lines.word(); !word.empty() && count < more.size(); word = lines.word())
+        if (!io::to_number(word, more[count++])) break;
+      if (count == 3) {  // three more: red, green and blue
+        colors.resize(coordinates.size() - 3, 1.0);
+        for (std::size_t i = 0; i < 3; ++i)
+          colors.push_back(std::isfinite(more[i]) ? std::clamp(more[i], 0.0, 1.0) : 1);
       }
       if (coordinates.size() / 3 > static_cast<std::size_t>(limits.vertices))
         return at_line(path, line, "more than " + std::to_string(limits.vertices) + " vertices", "raise the limit");
@@ -180,7 +193,14 @@ Expected<PolygonMesh> read_obj(const std::filesystem::path& path, const FileLimi
                        "vertex number " + std::to_string(v + 1) + " does not exist: the file has " +
                            std::to_string(mesh.vertex_count()),
                        "check that the file is complete");
-  if (mesh.polygon_count() == 0) return io::in_file(path, "has no faces", "give a surface");
+  if (mesh.polygon_count() == 0 && !lines_alone) return io::in_file(path, "has no faces", "give a surface");
+  if (!colors.empty()) {
+    colors.resize(coordinates.size(), 1.0);
+    mesh.colors = Eigen::Map<const Points<double>>(colors.data(), mesh.positions.rows(), 3);
+  }
+  mesh.material_names.resize(materials.empty() ? 0 : materials.size() + 1);
+  for (const auto& [name, number] : materials)
+    mesh.material_names[static_cast<std::size_t>(number)] = name.substr(0, name.find_last_not_of(' ') + 1);
   if (materials.empty()) mesh.material.clear();
   if (textures.empty())
     mesh.texture.clear();
@@ -194,6 +214,51 @@ Expected<PolygonMesh> read_obj(const std::filesystem::path& path, const FileLimi
     context.warn("read", path.string() + ":" + std::to_string(unknown_line) + ": " + std::to_string(unknown) +
                              " unknown statements left out, the first " + shown(unknown_word));
   return mesh;
+}
+
+}  // namespace
+
+Expected<PolygonMesh> read_obj(const std::filesystem::path& path, const FileLimits& limits, Context& context) {
+  return read(path, limits, context, false);
+}
+
+Expected<std::vector<Polyline>> read_lines(const std::filesystem::path& path, const FileLimits& limits,
+                                           Context& context) {
+  const Expected<PolygonMesh> mesh = read(path, limits, context, true);
+  if (!mesh) return mesh.error();
+  if (mesh->lines.empty()) return io::in_file(path, "has no lines", "draw curves as l statements");
+  const auto at = [](Index i) { return static_cast<std::size_t>(i); };
+  std::vector<std::vector<Index>> at_vertex(at(mesh->vertex_count()));
+  for (std::size_t k = 0; k < mesh->lines.size(); ++k)
+    for (const Index v : mesh->lines[k]) at_vertex[at(v)].push_back(static_cast<Index>(k));
+  std::vector<char> used(mesh->lines.size(), 0);
+  std::vector<Polyline> all;
+  const auto follow = [&](Index line, Index from) {
+    Polyline curve;
+    const Index first = from;
+    while (true) {
+      curve.points.push_back(mesh->positions.row(from).transpose());
+      used[at(line)] = 1;
+      const std::array<Index, 2>& ends = mesh->lines[at(line)];
+      from = ends[0] == from ? ends[1] : ends[0];
+      curve.closed = from == first;
+      if (curve.closed) break;
+      const std::vector<Index>& here = at_vertex[at(from)];
+      const Index next = here.size() == 2 ? (here[0] == line ? here[1] : here[0]) : no_index;
+      if (next == no_index || used[at(next)]) {
+        curve.points.push_back(mesh->positions.row(from).transpose());
+        break;
+      }
+      line = next;
+    }
+    all.push_back(std::move(curve));
+  };
+  for (std::size_t k = 0; k < used.size(); ++k)
+    for (const Index v : mesh->lines[k])
+      if (!used[k] && at_vertex[at(v)].size() != 2) follow(static_cast<Index>(k), v);
+  for (std::size_t k = 0; k < used.size(); ++k)
+    if (!used[k]) follow(static_cast<Index>(k), mesh->lines[k][0]);
+  return all;
 }
 
 }  // namespace quadrig

@@ -186,12 +186,15 @@ Expected<PolygonMesh> read_ply(const std::filesystem::path& path, const FileLimi
       return body_error(std::to_string(element.count) + " entries of element " + shown(element.name) +
                         " are announced, more than the file can hold");
     const bool vertices = element.name == "vertex" && !has_vertices, faces = element.name == "face" && !has_faces;
-    int axis[3] = {-1, -1, -1}, list = -1;
+    int axis[3] = {-1, -1, -1}, color[3] = {-1, -1, -1}, list = -1;
+    constexpr std::string_view color_names[3] = {"red", "green", "blue"};
     for (int i = 0; i < static_cast<int>(element.properties.size()); ++i) {
       const Property& property = element.properties[static_cast<std::size_t>(i)];
       for (int k = 0; k < 3; ++k)
         if (vertices && !property.count_type && property.name == std::string_view("xyz").substr(std::size_t(k), 1))
           axis[k] = i;
+      for (int k = 0; k < 3; ++k)
+        if (vertices && !property.count_type && property.name == color_names[k]) color[k] = i;
       if (faces && property.count_type && (property.name == "vertex_indices" || property.name == "vertex_index"))
         list = i;
     }
@@ -199,6 +202,7 @@ Expected<PolygonMesh> read_ply(const std::filesystem::path& path, const FileLimi
       if (axis[0] < 0 || axis[1] < 0 || axis[2] < 0) return header_error("element 'vertex' has no x, y and z");
       if (element.count > limits.vertices) return header_error("too many vertices");
       mesh.positions.resize(static_cast<Eigen::Index>(element.count), 3);
+      if (color[0] >= 0 && color[1] >= 0 && color[2] >= 0) mesh.colors.setOnes(mesh.positions.rows(), 3);
       has_vertices = true;
     } else if (faces) {
       if (list < 0) return header_error("element 'face' has no list vertex_indices");
@@ -220,6 +224,11 @@ Expected<PolygonMesh> read_ply(const std::filesystem::path& path, const FileLimi
             if (i != axis[k]) continue;
             if (!std::isfinite(value)) return row_error("a coordinate that is not finite");
             mesh.positions(static_cast<Eigen::Index>(row), k) = value;
+          }
+          for (int k = 0; k < 3 && vertices && mesh.colors.rows() > 0; ++k) {
+            if (i != color[k] || !std::isfinite(value)) continue;
+            const bool fraction = property.type == Type::f32 || property.type == Type::f64;
+            mesh.colors(static_cast<Eigen::Index>(row), k) = std::clamp(fraction ? value : value / 255, 0.0, 1.0);
           }
           continue;
         }

@@ -18,6 +18,8 @@ struct RepairOptions {
   double needless_reach = 0;
   /// Faces that keep their frames beside those on the border, a flag each; empty: none.
   std::vector<char> held{};
+  /// Border vertices that must be no corner, a flag each; empty: any may be.
+  std::vector<char> straight{};
   SolverFactory<double> solver = solver_factory<double>();
 };
 
@@ -108,6 +110,7 @@ class FieldSurgery {
 
   [[nodiscard]] static std::size_t at(Index i) { return detail::at(i); }
   [[nodiscard]] Index index(Index v) const { return field_.singularities.index4[at(v)]; }
+  [[nodiscard]] bool straight(Index v) const { return !straight_.empty() && straight_[at(v)]; }
   [[nodiscard]] bool interior(Index v) const { return mesh_.outgoing(v) != no_index && !mesh_.on_boundary(v); }
 
   /// The half-edge from v to the inner neighbour with the least cost.
@@ -129,6 +132,7 @@ class FieldSurgery {
   double reach_;
   SolverFactory<double> factory_;
   std::string backend_;
+  std::vector<char> straight_;
   std::vector<double> change_;  ///< of the angles across half-edges since frames were turned last
   std::vector<double> turned_;  // of each face, radians, since the field was made
   std::unordered_map<Index, std::pair<double, Index>> reached_;

@@ -8,6 +8,7 @@ namespace quadrig {
 
 QUADRIG_INLINE Status FieldSurgery::repair(const RepairOptions& options, const Context& context) {
   constexpr double apart = 0.75, crowded = 2, quads_each = 20;
+  straight_ = options.straight;
   split_extremes(apart * options.edge, context);
   if (context.cancelled()) return cancelled_error("surgery");
   // Pairs farther apart shape the limbs: they are cancelled only where singularities are too many for the quads.
@@ -50,7 +51,7 @@ QUADRIG_INLINE Index FieldSurgery::split_extremes(double spread, const Context& 
     if (v % 1024 == 0 && context.cancelled()) break;
     if (mesh_.outgoing(v) == no_index) continue;
     if (mesh_.on_boundary(v)) {
-      while (index(v) > 1 && relieve(v, spread)) ++split;
+      while (index(v) > (straight(v) ? 0 : 1) && relieve(v, spread)) ++split;
       while (index(v) < -2 && supply(v, spread)) ++split;
       continue;
     }
@@ -332,7 +333,7 @@ QUADRIG_INLINE bool FieldSurgery::relieve(Index v, double spread) {
     const Index start = h;
     if (w != v) do {
         const Index x = mesh_.target(h);
-        if (x != v && mesh_.on_boundary(x) && index(x) <= 0 && mesh_.twin(h) != no_index) {
+        if (x != v && mesh_.on_boundary(x) && index(x) <= (straight(x) ? -1 : 0) && mesh_.twin(h) != no_index) {
           const double lacking = 2 - index(x) - quarter_turns(x);
           if (lacking > most) {
             most = lacking;

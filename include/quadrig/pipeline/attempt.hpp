@@ -4,6 +4,7 @@
 
 #include "quadrig/pipeline.hpp"
 #include "quadrig/pipeline/component.hpp"
+#include "quadrig/pipeline/halves.hpp"
 #include "quadrig/pipeline/ladder.hpp"
 #include "quadrig/pipeline/mapped_quads.hpp"
 #include "quadrig/pipeline/piece.hpp"
@@ -13,17 +14,18 @@ namespace quadrig::detail {
 /// What all attempts on a component share.
 struct AttemptShared {
   const RemeshShared& asset;
-  const Piece& original;  ///< the component itself
-  double quads = 0;       ///< its share of the count
-  double area = 0;        ///< of the component
-  double edge = 0;        ///< of a square quad
+  const Piece& original;                   ///< the component itself
+  double quads = 0;                        ///< its share of the count
+  double area = 0;                         ///< of the component
+  double edge = 0;                         ///< of a square quad
+  const SurfaceTopology* whole = nullptr;  ///< of the component that this is a half of; null: it is none
 };
 
 /// Quads that an attempt found, with the surface that they lie on.
 struct FoundQuads {
   MadeQuads made;
   TriangleMesh<double> surface;
-  EdgeMarks kept;
+  EdgeMarks kept, mirror;
   std::vector<Index> parent;
   Index singularities = 0;
   FieldReport field;

@@ -100,14 +100,29 @@ class AttemptRun {
     RepairOptions repair;
     repair.edge = shared_.edge;
     repair.quads = shared_.quads;
+    repair.straight = straight_border();
     // No direction was requested: pairs that do not make the sizes vary less are worth nothing.
     const DirectionOptions& asked = options_.directions;
     constexpr double near = 4, of_surface = 0.07;
     if (field.report.preset == FieldPreset::flat && !asked.bones && !asked.curvature && !(asked.posed > 0) &&
         piece_.kept.empty() && !shared_.asset.asks_for_directions() &&
-        shared_.asset.sizing.density == DensitySource::uniform && shared_.asset.sizing.own_density.empty())
+        shared_.asset.sizing.density == DensitySource::uniform && shared_.asset.sizing.own_density.empty() &&
+        options_.density_factors.empty() && options_.bone_density.empty())
       repair.needless_reach = std::min(near * shared_.edge, of_surface * std::sqrt(shared_.area));
     return repair;
+  }
+
+  /// Border vertices that are to be no corners: their mirror images close the surface around them. Not on a stand-in,
+  /// which has no marks of its own.
+  [[nodiscard]] std::vector<char> straight_border() const {
+    std::vector<char> straight;
+    if (!shared_.whole || piece_.mirror.empty()) return straight;
+    straight.assign(at(mesh_.vertex_count()), 0);
+    for (const bool mark : {true, false})
+      for (Index h = 0; h < mesh_.halfedge_count(); ++h)
+        if (mesh_.twin(h) == no_index && (piece_.mirror[at(h)] != 0) == mark)
+          straight[at(mesh_.origin(h))] = straight[at(mesh_.target(h))] = mark;
+    return straight;
   }
 
   /// The map, and where it fails again of the field with the pair of singularities next to the failure cancelled, or
@@ -222,11 +237,20 @@ class AttemptRun {
       leave("creases and features need " + std::to_string(made.quads.quad_count()) + " quads");
       return Outcome::features_too_dense;
     }
+    const EdgeMarks& mirror = piece_.source.empty() ? piece_.mirror : shared_.original.mirror;
+    if (shared_.whole)
+      if (const std::string defect = mirror_defect(
+              mirrored_quads(made.quads.quads, on_cut(surface_mesh(), mirror, made.quads)), *shared_.whole);
+          !defect.empty()) {
+        leave("mirrored: " + defect);
+        return Outcome::unmappable;
+      }
     for (const std::string& reason : on_the_way_) leave(reason);
     const double least = made.least;
     result_.found = FoundQuads{std::move(made),
                                surface_mesh(),
                                surface_marks(),
+                               mirror,
                                piece_.source.empty() ? piece_.parent : shared_.original.parent,
                                field.singularities.plus + field.singularities.minus,
                                field.report,

@@ -23,6 +23,7 @@ struct RemeshShared {
   const EdgeMarks& kept;                ///< of the asset's mesh
   const OwnDirections* own = nullptr;   ///< null: the caller gives none
   std::size_t parts = 1;                ///< components
+  const MirrorPlane* plane = nullptr;   ///< null: there is none
 
   /// Whether the caller asks for directions that no other option names.
   [[nodiscard]] bool asks_for_directions() const { return own || options.directions.terms; }
@@ -37,12 +38,18 @@ struct ComponentResult {
   StageBackends backends;
   std::vector<Warning> warnings;
   std::optional<ComponentMap> map;
+  std::vector<char> on_cut;   ///< of a half: vertices on the mirror plane
+  std::vector<Index> twin{};  ///< of each vertex its mirror twin; empty: none has one
 };
+
+struct MirrorPart;
 
 /// \param faces the component's faces in the asset's mesh, ascending
 /// \param quads its share of the count
+/// \param mirrored of a component that is remeshed by half: quads of that half alone are returned, half of `quads`
 [[nodiscard]] QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& shared,
                                                                         std::span<const Index> faces, double quads,
-                                                                        const Context& context);
+                                                                        const Context& context,
+                                                                        const MirrorPart* mirrored = nullptr);
 
 }  // namespace quadrig::detail

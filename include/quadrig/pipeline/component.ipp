@@ -5,6 +5,7 @@
 #include "quadrig/pipeline/attempt.hpp"
 #include "quadrig/pipeline/component.hpp"
 #include "quadrig/pipeline/features.hpp"
+#include "quadrig/pipeline/guides.hpp"
 #include "quadrig/pipeline/shares.hpp"
 #include "quadrig/simplify.hpp"
 
@@ -16,13 +17,6 @@ inline SurfacePoint point_in_face(const TriangleMesh<double>& mesh, Index face, 
                 c = mesh.position(mesh.faces()(face, 2));
   const SurfaceHit hit = closest_on_triangle(p, a, b, c);
   return {face, hit.barycentric};
-}
-
-inline double least_jacobian(const QuadMesh& quads) {
-  double least = 1;
-  for (Index q = 0; q < quads.quad_count(); ++q)
-    least = std::min(least, scaled_jacobian(quads.positions, quads.quads.row(q)));
-  return least;
 }
 
 /// Takes every vertex to its source, but for those on which a quad would be inverted: how many.
@@ -55,8 +49,9 @@ inline Index onto_surface(const TriangleMesh<double>& mesh, QuadMesh& quads) {
 /// One component up the ladder: attempts until there are good quads, else the best of them, else the split surface.
 class ComponentRemesher {
  public:
-  ComponentRemesher(const RemeshShared& shared, std::span<const Index> faces, double quads, const Context& outer)
-      : shared_(shared), options_(shared.options), faces_(faces), quads_(quads), context_(outer) {
+  ComponentRemesher(const RemeshShared& shared, std::span<const Index> faces, double quads, const Context& outer,
+                    const MirrorPart* mirrored)
+      : shared_(shared), options_(shared.options), faces_(faces), quads_(quads), mirrored_(mirrored), context_(outer) {
     context_.warnings.clear();
   }
 
@@ -87,13 +82,14 @@ class ComponentRemesher {
   [[nodiscard]] Status cut_out() {
     result_.report.faces = static_cast<Index>(faces_.size());
     result_.report.asked = quads_;
-    original_ = make_piece(shared_.asset, faces_, context_);
+    original_ = mirrored_ ? *mirrored_->half : make_piece(shared_.asset, faces_, context_);
     if (context_.cancelled()) return cancelled_error("remesh");
     area_ = original_.asset.mesh.total_area();
     edge_ = std::sqrt(area_ / quads_);
-    original_.kept = marks_of(shared_.kept, faces_);
+    if (!mirrored_) original_.kept = marks_of(shared_.kept, faces_);
     constexpr double least_island = 4;  // edges of quads around
     if (options_.group_borders && original_.asset.rig) keep_group_borders(original_, least_island * edge_);
+    keep_guides(original_, options_.guides, mirrored_ ? shared_.plane : nullptr);
     if (!original_.kept.empty()) result_.report.kept_length = EdgeCurves(original_.asset.mesh, original_.kept).length();
     return {};
   }
@@ -120,7 +116,7 @@ class ComponentRemesher {
       leave(attempt, piece.error().what);
       return Tried{0, Outcome::triangles_unavailable, 1, budget.left(Work::search)};
     }
-    const AttemptShared shared{shared_, original_, quads_, area_, edge_};
+    const AttemptShared shared{shared_, original_, quads_, area_, edge_, mirrored_ ? &*mirrored_->topology : nullptr};
     Expected<AttemptResult> made = run_attempt(shared, attempt, std::move(*piece), afresh, !best_, context_, budget);
     if (!made) return made.error();
     for (const std::string& reason : made->reasons) leave(attempt, reason);
@@ -174,6 +170,7 @@ class ComponentRemesher {
   [[nodiscard]] Expected<ComponentResult> settle() {
     QuadMesh& found = best_->made.quads;
     Kept kept = measure_kept(best_->surface, best_->kept, found);
+    if (mirrored_) result_.on_cut = on_cut(best_->surface, best_->mirror, found);
     for (Index v = 0; v < found.vertex_count(); ++v) {
       SurfacePoint& s = found.source[at(v)];
       s = point_in_face(shared_.asset.mesh, best_->parent[at(s.face)], position(best_->surface, s));
@@ -201,7 +198,13 @@ class ComponentRemesher {
     if (!made) return made.error();
     if (const Index beside = onto_surface(mesh, made->mesh); beside > 0)
       context_.warn("remesh", count_of(beside, "quad corner") + " beside the surface: on it a quad would be inverted");
-    for (SurfacePoint& s : made->mesh.source) s.face = original_.parent[at(s.face)];
+    if (mirrored_) result_.on_cut = on_cut(mesh, original_.mirror, made->mesh);
+    for (Index v = 0; v < made->mesh.vertex_count(); ++v) {
+      SurfacePoint& s = made->mesh.source[at(v)];
+      // A face of a half may be part of one of the asset's.
+      s = mirrored_ ? point_in_face(shared_.asset.mesh, original_.parent[at(s.face)], position(mesh, s))
+                    : SurfacePoint{original_.parent[at(s.face)], s.barycentric};
+    }
     result_.report.rung = Rung::split;
     return finished(std::move(made->mesh));
   }
@@ -218,6 +221,7 @@ class ComponentRemesher {
   const RemeshOptions& options_;
   const std::span<const Index> faces_;
   const double quads_;
+  const MirrorPart* mirrored_;
   Context context_;
   ComponentResult result_;
   Piece original_;
@@ -227,8 +231,9 @@ class ComponentRemesher {
 };
 
 QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& shared, std::span<const Index> faces,
-                                                          double quads, const Context& context) {
-  return ComponentRemesher(shared, faces, quads, context).run();
+                                                          double quads, const Context& context,
+                                                          const MirrorPart* mirrored) {
+  return ComponentRemesher(shared, faces, quads, context, mirrored).run();
 }
 
 }  // namespace quadrig::detail

@@ -16,6 +16,8 @@ struct Piece {
   std::vector<SurfacePoint> source;
   /// Edges that must become edges of quads, or empty: none.
   EdgeMarks kept;
+  /// Of a half of a component: border edges that lie on the mirror plane. Not of a stand-in.
+  EdgeMarks mirror{};
 };
 
 /// Incomplete once cancelled.
@@ -58,6 +60,7 @@ inline Piece make_piece(const Asset& asset, std::span<const Index> faces, const 
 inline void replace_mesh(Piece& piece, Refinement&& finer) {
   if (piece.asset.rig) piece.asset.rig->weights = interpolate(piece.asset.mesh, piece.asset.rig->weights, finer.source);
   piece.kept = carried_marks(piece.asset.mesh, piece.kept, finer);
+  piece.mirror = carried_marks(piece.asset.mesh, piece.mirror, finer);
   for (Index& f : finer.source_face) f = piece.parent[at(f)];
   piece.parent = std::move(finer.source_face);
   piece.asset.mesh = std::move(finer.mesh);

@@ -6,6 +6,8 @@
 #include "quadrig/dominance.hpp"
 #include "quadrig/pipeline/component.hpp"
 #include "quadrig/pipeline/features.hpp"
+#include "quadrig/pipeline/guides.hpp"
+#include "quadrig/pipeline/halves.hpp"
 #include "quadrig/pipeline/shares.hpp"
 #include "quadrig/quads/topology.hpp"
 
@@ -59,6 +61,29 @@ inline std::vector<Vector3> ruling_directions(const Dominance& dominance, const 
   return directions;
 }
 
+/// Factors of the density: as many as there are vertices, faces or bones, and within their range.
+inline Status check_factors(const Asset& asset, const RemeshOptions& options) {
+  const std::size_t n = options.density_factors.size(), bones = options.bone_density.size();
+  if (n == 0 && bones == 0) return {};
+  if (n > 0 && n != at(asset.mesh.vertex_count()) && n != at(asset.mesh.face_count()))
+    return Error{ErrorCode::bad_option, std::to_string(n) + " values", "density_factors",
+                 "give one a vertex, " + std::to_string(asset.mesh.vertex_count()) + ", or one a face, " +
+                     std::to_string(asset.mesh.face_count())};
+  if (bones > 0 && (!asset.rig || bones != asset.rig->skeleton.bones.size()))
+    return Error{ErrorCode::bad_option, std::to_string(bones) + " values", "bone_density",
+                 asset.rig ? "give one a bone, " + std::to_string(asset.rig->skeleton.bones.size()) : "give a rig"};
+  for (const std::vector<double>* factors : {&options.density_factors, &options.bone_density})
+    for (const double factor : *factors)
+      if (!(factor >= least_density_factor && factor <= largest_density_factor))
+        return Error{ErrorCode::bad_option, "a factor is not from 1/64 to 64",
+                     factors == &options.bone_density ? "bone_density" : "density_factors", "give factors such as 2"};
+  const SizingOptions sizing = options.sizing.value_or(preset_sizing(options.preset, asset.rig.has_value()));
+  if (sizing.density == DensitySource::field)
+    return Error{ErrorCode::bad_option, "the field's own densities take no factors", "density_factors",
+                 "take another density, such as posed"};
+  return {};
+}
+
 /// Checks of the options against the asset, which RemeshOptions::validate cannot make.
 inline Status check_request(const Asset& asset, const RemeshOptions& options) {
   if (Status status = options.validate(); !status.ok()) return status;
@@ -78,6 +103,13 @@ inline Status check_request(const Asset& asset, const RemeshOptions& options) {
     if (h < 0 || h >= mesh.halfedge_count())
       return Error{ErrorCode::bad_option, "half-edge " + std::to_string(h) + " does not exist", "features",
                    "give half-edges in [0, " + std::to_string(mesh.halfedge_count()) + ")"};
+  for (std::size_t k = 0; k < options.guides.size(); ++k) {
+    const Guide& guide = options.guides[k];
+    const bool finite = std::ranges::all_of(guide.points, [](const Vector3& p) { return p.allFinite(); });
+    if (guide.points.size() < 2 || !finite || !(guide.width >= 0) || !(guide.weight > 0))
+      return Error{ErrorCode::bad_option, "has fewer than two points, or a number that cannot be",
+                   "guides, " + std::to_string(k), "give points, a width of 0 or more and a weight above 0"};
+  }
   for (const FaceDirection& each : options.directions.own)
     if (each.face < 0 || each.face >= mesh.face_count() || !(each.weight >= 0) || !each.direction.allFinite())
       return Error{ErrorCode::bad_option,
@@ -90,6 +122,9 @@ inline Status check_request(const Asset& asset, const RemeshOptions& options) {
       return Error{ErrorCode::bad_option, std::to_string(n) + " values", "sizing.own_density",
                    "give one a vertex, " + std::to_string(mesh.vertex_count()) + ", or one a face, " +
                        std::to_string(mesh.face_count())};
+  if (Status status = check_factors(asset, options); !status.ok()) return status;
+  if (options.preset == FieldPreset::thesis && !options.guides.empty())
+    return Error{ErrorCode::bad_option, "the thesis preset takes no guides", "preset", "use default"};
   if (options.preset == FieldPreset::thesis && (!options.directions.own.empty() || options.directions.terms))
     return Error{ErrorCode::bad_option, "the thesis preset takes no directions of the caller's", "preset",
                  "use default"};
@@ -120,6 +155,7 @@ class Remesher {
     const Connection<double>& connection = *quads_.connection;
     if (context_.cancelled()) return cancelled_error("remesh");
     context_.progress("metric", 0);
+    if (Status status = find_mirror(); !status.ok()) return status.error();
     if (Status status = measure(connection); !status.ok()) return status.error();
     if (Status status = remesh_parts(connection); !status.ok()) return status.error();
     if (Status status = gather(); !status.ok()) return status.error();
@@ -135,10 +171,14 @@ class Remesher {
 
   [[nodiscard]] OwnDirections own_directions() const {
     OwnDirections own;
-    if (options_.directions.own.empty()) return own;
+    std::vector<FaceDirection> all;
+    const auto& plane = quads_.report.symmetry.plane;
+    pull_along_guides(mesh_, options_.guides, plane ? &*plane : nullptr, all);
+    all.insert(all.end(), options_.directions.own.begin(), options_.directions.own.end());
+    if (all.empty()) return own;
     own.direction.assign(at(mesh_.face_count()), Vector3::Zero());
     own.weight.assign(at(mesh_.face_count()), 0.0);
-    for (const FaceDirection& each : options_.directions.own) {
+    for (const FaceDirection& each : all) {
       own.direction[at(each.face)] = each.direction;
       own.weight[at(each.face)] = each.weight;
     }
@@ -174,6 +214,29 @@ class Remesher {
     return density;
   }
 
+  [[nodiscard]] bool by_hand() const { return !options_.density_factors.empty() || !options_.bone_density.empty(); }
+
+  /// The factors that the caller gives.
+  void multiply_density() {
+    if (!by_hand() || sizes_.density.empty()) return;
+    std::vector<double> factors = options_.density_factors;
+    if (factors.size() != at(mesh_.face_count())) factors = on_faces(factors);
+    if (!options_.bone_density.empty()) {
+      std::vector<double> of_bone = options_.bone_density;
+      if (const auto& plane = quads_.report.symmetry.plane) even_factors(*plane, of_bone);
+      const std::vector<double> moved = on_faces(vertex_factors(asset_.rig->weights, of_bone));
+      for (std::size_t f = 0; f < moved.size(); ++f) factors[f] *= moved[f];
+    }
+    for (std::size_t f = 0; f < factors.size(); ++f) sizes_.density[f] *= factors[f];
+  }
+  /// Of values a vertex the mean of the corners; 1 where there are none.
+  [[nodiscard]] std::vector<double> on_faces(const std::vector<double>& of_vertex) const {
+    std::vector<double> result(at(mesh_.face_count()), of_vertex.empty() ? 1.0 : 0.0);
+    if (!of_vertex.empty())
+      for (Index h = 0; h < mesh_.halfedge_count(); ++h) result[at(h / 3)] += of_vertex[at(mesh_.origin(h))] / 3;
+    return result;
+  }
+
   /// Sizes and posed directions, once for the whole asset.
   [[nodiscard]] Status measure(const Connection<double>& connection) {
     const Stopwatch watch;
@@ -195,8 +258,9 @@ class Remesher {
     if (Status status = measure_curvature(connection, omega1); !status.ok()) return status;
     sizes_.largest_aspect = sizing_.largest_aspect;
     sizes_.density = wanted_density(omega1);
+    multiply_density();
     if (context_.cancelled()) return cancelled_error("remesh");
-    if (sized() && (sizing_.density != DensitySource::uniform || !sizing_.own_density.empty()))
+    if (sized() && (sizing_.density != DensitySource::uniform || !sizing_.own_density.empty() || by_hand()))
       sizes_.density = graded_density(mesh_, sizes_.density, options_.quads, sizing_.gradation, context_);
     if (context_.cancelled()) return cancelled_error("remesh");
     quads_.report.seconds.metric = watch.seconds();
@@ -238,20 +302,57 @@ class Remesher {
     return {};
   }
 
-  /// Each component with its share of the count.
-  [[nodiscard]] Status remesh_parts(const Connection<double>& connection) {
+  /// The mirror plane, where one is asked for and there is one.
+  [[nodiscard]] Status find_mirror() {
+    SymmetryReport& report = quads_.report.symmetry;
+    report.choice = mirror_choice(options_, asset_.rig.has_value());
+    if (report.choice == SymmetryChoice::none) return {};
+    if (options_.mirror_plane) {
+      report.plane = options_.mirror_plane;
+      return {};
+    }
+    Expected<std::optional<MirrorPlane>> found = find_mirror_plane(asset_, report.choice, context_);
+    if (!found) return found.error();
+    report.plane = std::move(*found);
+    if (!report.plane && report.choice != SymmetryChoice::automatic)
+      quads_.report.warnings.push_back(
+          {"symmetry", "no mirror plane across " + std::string(symmetry_choice_name(report.choice)) +
+                           " was found: less than half of the surface lies near its image"});
+    return {};
+  }
+
+  [[nodiscard]] double size_of(Index face) const { return sized() ? sizes_.density[at(face)] : 1.0; }
+
+  /// Components, what the plane does to each, and the share of the count that each is due.
+  [[nodiscard]] Status plan(const EdgeMarks& kept, std::vector<double>& due) {
     const Components components = face_components(mesh_);
     faces_.resize(at(components.count));
-    std::vector<double> share(faces_.size(), 0.0);
-    for (Index f = 0; f < mesh_.face_count(); ++f) {
-      if (f % 4096 == 0 && context_.cancelled()) return cancelled_error("remesh");
-      const auto c = at(components.of_face[at(f)]);
-      faces_[c].push_back(f);
-      share[c] += mesh_.area(f) * (sized() ? sizes_.density[at(f)] : 1.0);
+    for (Index f = 0; f < mesh_.face_count(); ++f) faces_[at(components.of_face[at(f)])].push_back(f);
+    mirror_.resize(faces_.size());
+    if (const auto& plane = quads_.report.symmetry.plane) {
+      map_.emplace(asset_, *plane);
+      mirror_ = mirror_parts(asset_, faces_, kept, *map_, context_);
     }
-    const std::vector<double> due = quads_due(share, options_.quads);
     if (context_.cancelled()) return cancelled_error("remesh");
+    std::vector<double> share(faces_.size(), 0.0);
+    for (std::size_t c = 0; c < faces_.size(); ++c) {
+      if (const auto& half = mirror_[c].half) {  // which stands for both
+        for (Index f = 0; f < half->asset.mesh.face_count(); ++f)
+          share[c] += 2 * half->asset.mesh.area(f) * size_of(half->parent[at(f)]);
+        continue;
+      }
+      const auto from = mirror_[c].role == MirrorRole::second ? at(mirror_[c].other) : c;
+      for (const Index f : faces_[from]) share[c] += mesh_.area(f) * size_of(f);
+    }
+    due = quads_due(share, options_.quads);
+    return {};
+  }
+
+  /// Each component with its share of the count.
+  [[nodiscard]] Status remesh_parts(const Connection<double>& connection) {
     const EdgeMarks kept = kept_edges(mesh_, options_);
+    std::vector<double> due;
+    if (Status status = plan(kept, due); !status.ok()) return status;
     const OwnDirections given = own_directions();
     const RemeshShared shared{asset_,
                               connection,
@@ -261,7 +362,8 @@ class Remesher {
                               metric_ ? &*metric_ : nullptr,
                               kept,
                               given.direction.empty() ? nullptr : &given,
-                              faces_.size()};
+                              faces_.size(),
+                              quads_.report.symmetry.plane ? &*quads_.report.symmetry.plane : nullptr};
     // Progress is for the caller's thread: that of the parts it remeshes, and the faces of those that are done.
     const std::thread::id caller = std::this_thread::get_id();
     std::atomic<Index> done{0};
@@ -273,13 +375,29 @@ class Remesher {
         own.on_progress = [&, faces](std::string_view stage, double fraction) {
           context_.progress(stage, (done + fraction * faces) / mesh_.face_count());
         };
-      auto result = remesh_component(shared, faces_[c], asked, own);
+      const bool halved = mirror_[c].role == MirrorRole::halved;
+      auto result =
+          remesh_component(shared, faces_[c], halved ? asked / 2 : asked, own, halved ? &mirror_[c] : nullptr);
       done += faces;
       return result;
     };
     parts_.resize(faces_.size());
     context_.parallel_for(parts_.size(), 1, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t c = begin; c < end; ++c) parts_[c] = remesh_part(c, due[c]);
+      for (std::size_t c = begin; c < end; ++c) {
+        if (mirror_[c].role == MirrorRole::second) continue;
+        parts_[c] = remesh_part(c, due[c]);
+        if (mirror_[c].role != MirrorRole::halved || context_.cancelled()) continue;
+        if (const std::string defect = mirror_half(c, kept); !defect.empty()) {
+          mirror_[c].role = MirrorRole::whole;
+          parts_[c] = remesh_part(c, due[c]);
+          if (*parts_[c]) (*parts_[c])->report.reasons.push_back("not mirrored: " + defect);
+        }
+      }
+    });
+    context_.parallel_for(parts_.size(), 1, [&](std::size_t begin, std::size_t end) {
+      for (std::size_t c = begin; c < end; ++c)
+        if (mirror_[c].role == MirrorRole::second && !context_.cancelled() && !mirror_other(c, kept))
+          parts_[c] = remesh_part(c, due[c]);
     });
     if (context_.cancelled()) return cancelled_error("remesh");
     for (std::size_t c = 0; c < parts_.size(); ++c)
@@ -294,7 +412,8 @@ class Remesher {
     for (const Part& part : parts_) got.push_back((*part)->mesh.quad_count());
     double missed = static_cast<double>(std::accumulate(got.begin(), got.end(), Index{0})) - options_.quads;
     if (parts_.size() == 1) return {};
-    const auto again = asked_again(due, got, missed, 0.8 * options_.count_tolerance * options_.quads);
+    auto again = asked_again(due, got, missed, 0.8 * options_.count_tolerance * options_.quads);
+    std::erase_if(again, [&](const auto& each) { return mirror_[each.first].role != MirrorRole::whole; });
     std::vector<Part> others(again.size());
     context_.parallel_for(again.size(), 1, [&](std::size_t begin, std::size_t end) {
       for (std::size_t k = begin; k < end; ++k) others[k] = remesh_part(again[k].first, again[k].second);
@@ -311,6 +430,72 @@ class Remesher {
     return {};
   }
 
+  /// The whole component in place of the quads of its half. Returns why that is not possible; empty where it is.
+  [[nodiscard]] std::string mirror_half(std::size_t c, const EdgeMarks& kept) {
+    if (!*parts_[c]) return parts_[c]->error().what;
+    ComponentResult& part = **parts_[c];
+    MirroredQuads all = mirrored_quads(part.mesh.quads, part.on_cut);
+    if (std::string defect = mirror_defect(all, *mirror_[c].topology); !defect.empty()) return defect;
+    const auto vertices = static_cast<Index>(all.twin.size());
+    part.mesh.quads = std::move(all.quads);
+    part.mesh.positions.conservativeResize(vertices, 3);
+    part.mesh.source.resize(all.twin.size());
+    place_images(mesh_, PartSurface(asset_, faces_[c]), *map_, std::span(all.twin).subspan(at(all.own)), all.own,
+                 part.mesh);
+    part.twin = std::move(all.twin);
+    settle_images(part, fine_enough, kept);
+    if (!(least_jacobian(part.mesh) > 0)) return "a quad is inverted on the other side";
+    mirror_held(part, all.own, kept);
+    ComponentReport& report = part.report;
+    report.asked *= 2;
+    report.quads = part.mesh.quad_count();
+    report.singularities *= 2;
+    report.kept_length *= 2;
+    report.kept_as_quads *= 2;
+    report.irregular = quad_topology(part.mesh.quads, vertices).irregular;
+    return {};
+  }
+
+  /// The quads of one of two components that mirror each other, on the other of them. False where they do not fit it.
+  [[nodiscard]] bool mirror_other(std::size_t c, const EdgeMarks& kept) {
+    const Part& first = parts_[at(mirror_[c].other)];
+    const auto refused = [&] {
+      mirror_[c].role = mirror_[at(mirror_[c].other)].role = MirrorRole::whole;
+      return false;
+    };
+    if (!*first) return refused();
+    ComponentResult part = **first;
+    const Index vertices = part.mesh.vertex_count();
+    std::vector<Index> all(at(vertices));
+    std::iota(all.begin(), all.end(), Index{0});
+    place_images(mesh_, PartSurface(asset_, faces_[c]), *map_, all, 0, part.mesh);
+    part.mesh.quads.col(1).swap(part.mesh.quads.col(3));
+    settle_images(part, fine_enough, kept);
+    if (!(least_jacobian(part.mesh) > 0)) return refused();
+    part.report.faces = static_cast<Index>(faces_[c].size());
+    part.held.clear();
+    mirror_held(part, 0, kept);
+    part.map.reset();
+    part.warnings.clear();
+    parts_[c].emplace(std::move(part));
+    return true;
+  }
+
+  void settle_images(ComponentResult& part, double wanted, const EdgeMarks& kept) {
+    Context own = context_.quiet(1);
+    even_out(mesh_, kept, options_.polish, wanted, part.mesh, own);
+  }
+
+  /// Which of the images lie on kept edges.
+  void mirror_held(ComponentResult& part, Index first, const EdgeMarks& kept) const {
+    constexpr double near = 1e-6;
+    if (kept.empty()) return;
+    const EdgeCurves curves(mesh_, kept);
+    part.held.resize(at(part.mesh.vertex_count()), 0);
+    for (Index v = first; v < part.mesh.vertex_count(); ++v)
+      part.held[at(v)] = curves.under(part.mesh.source[at(v)], near) != no_index;
+  }
+
   /// One mesh of all parts, in the order of the components.
   [[nodiscard]] Status gather() {
     const Stopwatch watch;
@@ -325,11 +510,15 @@ class Remesher {
     quads_.held.assign(at(report.vertices), 0);
     quads_.on_features.assign(at(report.vertices), 0);
     Index first_vertex = 0, first_quad = 0, largest = -1;
+    std::vector<Index> first_of;  // vertex, of each part
+    if (report.symmetry.plane) quads_.twin.assign(at(report.vertices), no_index);
     for (Part& slot : parts_) {
       if (context_.cancelled()) return cancelled_error("remesh");
       ComponentResult& part = **slot;
       const Index n = part.mesh.vertex_count(), m = part.mesh.quad_count();
       std::copy(part.held.begin(), part.held.end(), quads_.on_features.begin() + first_vertex);
+      first_of.push_back(first_vertex);
+      count_mirrored(first_of, part);
       out.positions.middleRows(first_vertex, n) = part.mesh.positions;
       out.quads.middleRows(first_quad, m) = part.mesh.quads.array() + first_vertex;
       out.source.insert(out.source.end(), part.mesh.source.begin(), part.mesh.source.end());
@@ -355,6 +544,34 @@ class Remesher {
     return {};
   }
 
+  /// Notes the twins of a part that is about to be added.
+  void count_mirrored(const std::vector<Index>& first_of, const ComponentResult& part) {
+    SymmetryReport& report = quads_.report.symmetry;
+    if (!report.plane) return;
+    const std::size_t c = first_of.size() - 1;
+    switch (mirror_[c].role) {
+      case MirrorRole::whole:
+        ++report.whole;
+        return;
+      case MirrorRole::halved:
+        ++report.halved;
+        for (std::size_t v = 0; v < part.twin.size(); ++v)
+          quads_.twin[at(first_of[c]) + v] = first_of[c] + part.twin[v];
+        return;
+      case MirrorRole::first:
+        ++report.paired;
+        return;
+      case MirrorRole::second:
+        ++report.paired;
+        for (Index v = 0; v < part.mesh.vertex_count(); ++v) {
+          const Index other = first_of[at(mirror_[c].other)] + v;
+          quads_.twin[at(first_of[c] + v)] = other;
+          quads_.twin[at(other)] = first_of[c] + v;
+        }
+        return;
+    }
+  }
+
   void log(std::size_t number, const ComponentReport& part) const {
     if (!context_.on_log) return;
     std::string line = "component " + std::to_string(number) + " of " + std::to_string(part.faces) +
@@ -372,6 +589,8 @@ class Remesher {
   SizeField sizes_;
   std::optional<PosedMetric> metric_;
   std::vector<std::vector<Index>> faces_;  // of each component
+  std::vector<MirrorPart> mirror_;         // of each component
+  std::optional<MirrorMap> map_;
   std::vector<Part> parts_;
   UnfittedQuads quads_;
 };
@@ -396,15 +615,15 @@ class Finisher {
       return Error{ErrorCode::stage_failed, defect.empty() ? "a quad stays inverted" : defect, "check of the result",
                    "ask for another count or the static preset"};
     context_.progress("done", 1);
-    return RemeshResult{std::move(quads_.mesh), std::move(weights_), std::move(morphs_), std::move(report),
-                        std::move(quads_.maps)};
+    return RemeshResult{std::move(quads_.mesh), std::move(weights_),    std::move(morphs_),
+                        std::move(report),      std::move(quads_.maps), std::move(quads_.twin)};
   }
 
  private:
   /// The fit, and weights of the vertices where they came to lie.
   [[nodiscard]] Status finish() {
     const Stopwatch watch;
-    std::vector<char> held = std::move(quads_.held);
+    std::vector<char> held = quads_.held;
     for (std::size_t v = 0; v < held.size(); ++v) held[v] = held[v] || quads_.on_features[v];
     if (options_.fit.method == FitMethod::slide)
       (void)slide(mesh_, quads_.targets, beside_surface_held(held), options_.fit.slide, quads_.mesh, context_);
@@ -427,12 +646,61 @@ class Finisher {
     Expected<FittedQuads> fitted = fit(mesh_, std::move(quads_.mesh), motion, std::move(held), options_.fit, context_,
                                        options_.solver.factory<double>());
     if (!fitted) return fitted.error();
+    if (bent) fitted->weights = with_all_bones(*fitted->weights, bends);
+    if (quads_.report.symmetry.plane && !quads_.twin.empty()) make_alike(*fitted);
+    if (context_.cancelled()) return cancelled_error("fit");
     quads_.mesh = std::move(fitted->mesh);
-    weights_ = bent ? with_all_bones(*fitted->weights, bends) : std::move(fitted->weights);
+    weights_ = std::move(fitted->weights);
     morphs_ = std::move(fitted->morphs);
     quads_.report.fit = fitted->report;
     quads_.report.seconds.fit += watch.seconds();
     return {};
+  }
+
+  /// Both sides of the mirror plane, where the surface is symmetric.
+  void make_alike(FittedQuads& fitted) {
+    SymmetryReport& symmetry = quads_.report.symmetry;
+    const bool stays = options_.fit.method != FitMethod::surface;
+    if (stays) mirror_along_surface(*symmetry.plane, fitted.mesh);
+    const QuadMesh before = fitted.mesh;
+    symmetry.vertices = symmetrize(mesh_, asset_.rig ? &asset_.rig->weights : nullptr, options_.morphs, *symmetry.plane,
+                                   quads_.twin, quads_.held, options_.influences, fitted, context_);
+    if (!stays) return;
+    // What would leave the surface keeps its place.
+    for (Index v = 0; v < before.vertex_count(); ++v) {
+      const Index w = quads_.twin[at(v)];
+      if (w == no_index || on_surface(fitted.mesh, v)) continue;
+      for (const Index back : {v, w}) {
+        fitted.mesh.positions.row(back) = before.positions.row(back);
+        fitted.mesh.source[at(back)] = before.source[at(back)];
+      }
+      if (symmetry.vertices.exact > 0) --symmetry.vertices.exact;
+    }
+  }
+  [[nodiscard]] bool on_surface(const QuadMesh& mesh, Index v) const {
+    constexpr double close = 1e-13;
+    const Vector3 off = position(mesh_, mesh.source[at(v)]) - mesh.positions.row(v).transpose();
+    return off.norm() <= close * mesh_.diagonal();
+  }
+  /// Of each pair the second goes to the image of the first where that lies on the surface; those on the plane go to
+  /// where it meets the surface.
+  void mirror_along_surface(const MirrorPlane& plane, QuadMesh& mesh) const {
+    for (Index v = 0; v < mesh.vertex_count(); ++v) {
+      const Index w = quads_.twin[at(v)];
+      if (w == no_index || w < v || mesh.source[at(v)].face == no_index) continue;
+      Vector3 p = mesh.positions.row(v).transpose();
+      SurfaceHit hit;
+      static_cast<SurfacePoint&>(hit) = mesh.source[at(w)];
+      const int turns = v == w ? 8 : 1;  // from the plane to the surface and back
+      for (int turn = 0; turn < turns; ++turn) {
+        p = v == w ? Vector3(p - plane.side(p) * plane.normal) : plane.mirrored(p);
+        hit = walk_closest(mesh_, p, hit);
+        if (v == w) p = hit.position;
+      }
+      if (v != w && (hit.position - p).norm() > 1e-9 * mesh_.diagonal()) continue;
+      mesh.positions.row(w) = hit.position.transpose();
+      mesh.source[at(w)] = hit;
+    }
   }
 
   /// Weights of the bones that bend the surface, in the columns of all bones.
