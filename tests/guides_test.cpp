@@ -93,7 +93,8 @@ TEST_CASE("guides: a soft one turns the directions near it", "[guides]") {
   guide.weight = 20;
   const quadrig::ClosestPoint closest(bare.mesh);
   for (int k = -5; k <= 5; ++k)
-    guide.points.push_back(closest.closest({0.04 * size * k, low + 0.35 * size + 0.04 * size * k, 10 * size}).position);
+    guide.points.push_back(
+        closest.closest({0.04 * size * k, low + 0.35 * size + 0.04 * size * k, 0.4 * size}).position);
   RemeshOptions options;
   options.quads = 800;
   const auto turn = [&](const RemeshResult& result) {
