@@ -210,6 +210,13 @@ void add_remesh_figures(Json& report, const RemeshReport& r, double read_seconds
                                     {"irregular", c.irregular},
                                     {"singularities", c.singularities},
                                     {"rung", rung_name(c.rung)},
+                                    {"map",
+                                     {{"curl_mean", c.strain.curl_mean},
+                                      {"curl_largest", c.strain.curl_largest},
+                                      {"turned_mean_degrees", c.strain.turned_mean_degrees},
+                                      {"turned_p95_degrees", c.strain.turned_p95_degrees},
+                                      {"scaled_mean", c.strain.scaled_mean},
+                                      {"scaled_p95", c.strain.scaled_p95}}},
                                     {"kept_length", c.kept_length},
                                     {"kept_as_quads", c.kept_as_quads},
                                     {"reasons", c.reasons}});
@@ -220,6 +227,7 @@ void add_remesh_figures(Json& report, const RemeshReport& r, double read_seconds
                      {"mean_angle_to_bone_deg", r.field.mean_angle_to_bone_deg},
                      {"residual", r.field.solve.residual}};
   report["fit"] = {{"rest_before", r.fit.rest_before},    {"rest_after", r.fit.rest_after},
+                   {"back_before", r.fit.back_before},    {"back_after", r.fit.back_after},
                    {"posed_before", r.fit.posed_before},  {"posed_after", r.fit.posed_after},
                    {"largest_move", r.fit.largest_move},  {"dropped_influences", r.fit.dropped_influences},
                    {"dropped_error", r.fit.dropped_error}};
@@ -287,8 +295,8 @@ void add_remesh(CLI::App& app, Run& run) {
           "Where vertices go: surface: off the surface, where flat quads are nearest to it at rest and bent; slide: "
           "along "
           "the surface; none: where quads are most even")
-      ->check(CLI::IsMember({"surface", "slide", "none"}))
-      ->option_text("surface|slide|none = surface");
+      ->check(CLI::IsMember({"surface", "subdivision", "slide", "none"}))
+      ->option_text("surface|subdivision|slide|none = surface");
   verb->add_option("--influences", remesh.influences, "Most weights that a vertex keeps")
       ->capture_default_str()
       ->type_name("N");

@@ -405,7 +405,9 @@ class Finisher {
   [[nodiscard]] Status finish() {
     const Stopwatch watch;
     std::vector<char> held = std::move(quads_.held);
-    for (std::size_t v = 0; v < held.size(); ++v) held[v] = held[v] || quads_.on_features[v];
+    // Lines of edges that are kept are smooth in a cage, as a renderer without creases of its own makes them.
+    if (options_.fit.method != FitMethod::subdivision)
+      for (std::size_t v = 0; v < held.size(); ++v) held[v] = held[v] || quads_.on_features[v];
     if (options_.fit.method == FitMethod::slide)
       (void)slide(mesh_, quads_.targets, beside_surface_held(held), options_.fit.slide, quads_.mesh, context_);
     if (context_.cancelled()) return cancelled_error("fit");
