@@ -18,7 +18,7 @@ struct RemeshCommand {
   std::vector<Index> quads;
   GltfSelection selection;
   bool source_map = false, seams = true, force = false;
-  std::string topology = "best";
+  std::string topology = "best", normals = "auto";
   double max_error = GltfRemeshOptions{}.most_edges_off;
   std::vector<std::string> keep;
   [[nodiscard]] bool keeps(std::string_view what) const {
@@ -56,6 +56,7 @@ Json options_json(const RemeshCommand& o) {
     json["source_map"] = o.source_map;
     json["seams"] = o.seams;
     json["topology"] = o.topology;
+    json["normals"] = o.normals;
     json["max_error"] = o.max_error;
   }
   const PrepareOptions& prepare = o.input.load.prepare;
@@ -85,13 +86,15 @@ Status remesh_files(RemeshCommand options, Session& session) {
   if (gltf && (!weights_out.empty() || !input.files.rig.empty()))
     return Error{ErrorCode::bad_option, "a glTF file has its rig and weights within", input.files.mesh.string(),
                  "leave out --rig, --weights and --weights-out"};
-  if (!gltf && (!options.quads_out.empty() || options.poses != "bends" || options.source_map ||
-                options.selection.unskinned || !options.selection.names.empty() || !options.seams ||
-                options.topology != "best" || options.max_error != GltfRemeshOptions{}.most_edges_off))
-    return Error{ErrorCode::bad_option,
-                 "--quads-out, --poses, --select, --all, --source-map, --no-seams, --topology and --max-error are for "
-                 "glTF files",
-                 input.files.mesh.string(), "leave them out"};
+  if (!gltf &&
+      (!options.quads_out.empty() || options.poses != "bends" || options.source_map || options.selection.unskinned ||
+       !options.selection.names.empty() || !options.seams || options.topology != "best" || options.normals != "auto" ||
+       options.max_error != GltfRemeshOptions{}.most_edges_off))
+    return Error{
+        ErrorCode::bad_option,
+        "--quads-out, --poses, --select, --all, --source-map, --no-seams, --topology, --normals and --max-error "
+        "are for glTF files",
+        input.files.mesh.string(), "leave them out"};
   if (!options.quads_out.empty() && options.quads_out.extension() != ".obj")
     return Error{ErrorCode::bad_option, "quads can only be written as OBJ", options.quads_out.string(),
                  "give a name that ends in .obj"};
@@ -146,6 +149,9 @@ Status remesh_files(RemeshCommand options, Session& session) {
     // The thesis's method is that of a field.
     const bool field = options.topology == "field" || options.remesh.preset == FieldPreset::thesis;
     job.options.topology = field ? GltfTopology::field : GltfTopology::best;
+    job.options.normals = options.normals == "keep"  ? GltfNormals::keep
+                          : options.normals == "new" ? GltfNormals::fresh
+                                                     : GltfNormals::automatic;
     job.options.most_edges_off = options.max_error;
     job.options.keep_materials = options.keeps("materials");
     job.options.keep_textures = options.keeps("textures");
@@ -357,6 +363,12 @@ void add_remesh(CLI::App& app, Run& run) {
                    "field: quads of a field wherever there is room")
       ->check(CLI::IsMember({"best", "field"}))
       ->option_text("best|field = best")
+      ->group(parts);
+  verb->add_option("--normals", options->normals,
+                   "Of new vertices: keep: the file's, carried over; new: those of the new faces, parted where the "
+                   "file's part; auto: kept on shells where they are not those of the faces")
+      ->check(CLI::IsMember({"auto", "keep", "new"}))
+      ->option_text("auto|keep|new = auto")
       ->group(parts);
   verb->add_option("--max-error", options->max_error,
                    "Farther from the input than this many edges of its quads a shell is told, and the exit code is 9; "
