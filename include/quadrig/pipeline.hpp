@@ -9,6 +9,7 @@
 #include "quadrig/field.hpp"
 #include "quadrig/fit.hpp"
 #include "quadrig/polish.hpp"
+#include "quadrig/seamless/strain.hpp"
 #include "quadrig/sizing.hpp"
 #include "quadrig/symmetry.hpp"
 #include "quadrig/transfer.hpp"
@@ -130,6 +131,7 @@ struct ComponentReport {
   Index quads = 0, irregular = 0;
   Index singularities = 0;
   Rung rung = Rung::fine_map;
+  MapStrain strain;                  ///< of the map; zeros where it was split
   double kept_length = 0;            ///< of creases and features, units of the mesh
   double kept_as_quads = 0;          ///< of these, how much edges of quads run along
   std::vector<std::string> reasons;  ///< why earlier rungs and attempts were left

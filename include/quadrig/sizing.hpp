@@ -34,10 +34,10 @@ struct SizingOptions {
   /// Longest over shortest side of the wanted quads, ≥ 1; 1: squares. Sides come from the same curvature as areas.
   double largest_aspect = 4;
   /// How much more an error counts where weights blend, ≥ 1.
-  double joint_weight = 3;
+  double joint_weight = 6;
   double least_density = 0.25;  ///< of the mean, in (0, 1]
   double largest_density = 16;  ///< of the mean, ≥ 1
-  double gradation = 0.3;       ///< relative change of size over one quad, > 0
+  double gradation = 0.8;       ///< relative change of size over one quad, > 0
   /// Quads a unit area, relative to each other, in the place of `density`: one value a vertex of the mesh, or one a
   /// face; empty: none. Graded like the others.
   std::vector<double> own_density{};

@@ -18,7 +18,7 @@ struct RemeshCommand {
   std::vector<Index> quads;
   GltfSelection selection;
   bool source_map = false, seams = true, force = false;
-  std::string topology = "best";
+  std::string topology = "best", normals = "auto";
   double max_error = GltfRemeshOptions{}.most_edges_off;
   std::vector<std::string> keep;
   std::string bundle;
@@ -39,7 +39,7 @@ struct Bundle {
 const std::vector<Bundle>& bundles() {
   static const std::vector<Bundle> all{
       {"game", {{"--symmetry", "auto"}, {"--fit", "surface"}, {"--influences", "4"}}},
-      {"film", {{"--symmetry", "auto"}, {"--fit", "surface"}, {"--influences", "8"}}},
+      {"film", {{"--symmetry", "auto"}, {"--fit", "subdivision"}, {"--influences", "8"}}},
       {"lod", {{"--symmetry", "none"}, {"--fit", "surface"}, {"--topology", "best"}, {"--influences", "4"}}},
       {"scan", {{"--preset", "static"}, {"--density", "rest"}, {"--symmetry", "none"}}},
   };
@@ -121,6 +121,7 @@ Json options_json(const RemeshCommand& o) {
     json["source_map"] = o.source_map;
     json["seams"] = o.seams;
     json["topology"] = o.topology;
+    json["normals"] = o.normals;
     json["max_error"] = o.max_error;
   }
   const PrepareOptions& prepare = o.input.load.prepare;
@@ -160,13 +161,15 @@ Status remesh_files(RemeshCommand options, Session& session) {
   if (gltf && (!weights_out.empty() || !input.files.rig.empty()))
     return Error{ErrorCode::bad_option, "a glTF file has its rig and weights within", input.files.mesh.string(),
                  "leave out --rig, --weights and --weights-out"};
-  if (!gltf && (!options.quads_out.empty() || options.poses != "bends" || options.source_map ||
-                options.selection.unskinned || !options.selection.names.empty() || !options.seams ||
-                options.topology != "best" || options.max_error != GltfRemeshOptions{}.most_edges_off))
-    return Error{ErrorCode::bad_option,
-                 "--quads-out, --poses, --select, --all, --source-map, --no-seams, --topology and --max-error are for "
-                 "glTF files",
-                 input.files.mesh.string(), "leave them out"};
+  if (!gltf &&
+      (!options.quads_out.empty() || options.poses != "bends" || options.source_map || options.selection.unskinned ||
+       !options.selection.names.empty() || !options.seams || options.topology != "best" || options.normals != "auto" ||
+       options.max_error != GltfRemeshOptions{}.most_edges_off))
+    return Error{
+        ErrorCode::bad_option,
+        "--quads-out, --poses, --select, --all, --source-map, --no-seams, --topology, --normals and --max-error "
+        "are for glTF files",
+        input.files.mesh.string(), "leave them out"};
   if (!options.quads_out.empty() && options.quads_out.extension() != ".obj")
     return Error{ErrorCode::bad_option, "quads can only be written as OBJ", options.quads_out.string(),
                  "give a name that ends in .obj"};
@@ -231,6 +234,9 @@ Status remesh_files(RemeshCommand options, Session& session) {
     // The thesis's method is that of a field.
     const bool field = options.topology == "field" || options.remesh.preset == FieldPreset::thesis;
     job.options.topology = field ? GltfTopology::field : GltfTopology::best;
+    job.options.normals = options.normals == "keep"  ? GltfNormals::keep
+                          : options.normals == "new" ? GltfNormals::fresh
+                                                     : GltfNormals::automatic;
     job.options.most_edges_off = options.max_error;
     job.options.bone_density = options.bone_density;
     job.options.material_density = options.material_density;
@@ -344,6 +350,13 @@ void add_remesh_figures(Json& report, const RemeshReport& r, double read_seconds
                                     {"irregular", c.irregular},
                                     {"singularities", c.singularities},
                                     {"rung", rung_name(c.rung)},
+                                    {"map",
+                                     {{"curl_mean", c.strain.curl_mean},
+                                      {"curl_largest", c.strain.curl_largest},
+                                      {"turned_mean_degrees", c.strain.turned_mean_degrees},
+                                      {"turned_p95_degrees", c.strain.turned_p95_degrees},
+                                      {"scaled_mean", c.strain.scaled_mean},
+                                      {"scaled_p95", c.strain.scaled_p95}}},
                                     {"kept_length", c.kept_length},
                                     {"kept_as_quads", c.kept_as_quads},
                                     {"reasons", c.reasons}});
@@ -354,6 +367,7 @@ void add_remesh_figures(Json& report, const RemeshReport& r, double read_seconds
                      {"mean_angle_to_bone_deg", r.field.mean_angle_to_bone_deg},
                      {"residual", r.field.solve.residual}};
   report["fit"] = {{"rest_before", r.fit.rest_before},    {"rest_after", r.fit.rest_after},
+                   {"back_before", r.fit.back_before},    {"back_after", r.fit.back_after},
                    {"posed_before", r.fit.posed_before},  {"posed_after", r.fit.posed_after},
                    {"largest_move", r.fit.largest_move},  {"dropped_influences", r.fit.dropped_influences},
                    {"dropped_error", r.fit.dropped_error}};
@@ -420,10 +434,11 @@ void add_remesh(CLI::App& app, Run& run) {
       ->type_name("ANGLE");
   verb->add_option_function<std::string>(
           "--fit", [&remesh](const std::string& name) { remesh.fit.method = *fit_method(name); },
-          "Where vertices go: surface: off the surface, where flat quads are nearest to it at rest and bent; slide: "
-          "along the surface; none: where quads are most even")
-      ->check(CLI::IsMember({"surface", "slide", "none"}))
-      ->option_text("surface|slide|none = surface");
+          "Where vertices go: surface: off the surface, where flat quads are nearest to it at rest and bent; "
+          "subdivision: where the surface is nearest that subdividing them makes; slide: along the surface; none: "
+          "where quads are most even")
+      ->check(CLI::IsMember({"surface", "subdivision", "slide", "none"}))
+      ->option_text("surface|subdivision|slide|none = surface");
   verb->add_option("--influences", remesh.influences, "Most bones that move a vertex")
       ->capture_default_str()
       ->type_name("N");
@@ -534,6 +549,12 @@ void add_remesh(CLI::App& app, Run& run) {
                    "field: quads of a field wherever there is room")
       ->check(CLI::IsMember({"best", "field"}))
       ->option_text("best|field = best")
+      ->group(parts);
+  verb->add_option("--normals", options->normals,
+                   "Of new vertices: keep: the file's, carried over; new: those of the new faces, parted where the "
+                   "file's part; auto: kept on shells where they are not those of the faces")
+      ->check(CLI::IsMember({"auto", "keep", "new"}))
+      ->option_text("auto|keep|new = auto")
       ->group(parts);
   verb->add_option("--max-error", options->max_error,
                    "Farther from the input than this many edges of its quads a shell is told, and the exit code is 9; "

@@ -1,7 +1,9 @@
 // What a shell could become, and which of it lies nearest.
 #include <algorithm>
+#include <map>
 #include <set>
 
+#include "quadrig/disjoint_sets.hpp"
 #include "quadrig/pipeline/piece.hpp"
 #include "quadrig/quality/distance.hpp"
 #include "quadrig/skinning.hpp"
@@ -136,15 +138,27 @@ RemeshOptions field_options(const Gathered& gathered, const Shells& shells, cons
   return own;
 }
 
+/// Takes out edges that hang together with others to less than a length.
+void drop_short(const TriangleMesh<double>& mesh, std::vector<Index>& edges, double least_length) {
+  DisjointSets sets(at(mesh.vertex_count()));
+  for (const Index h : edges) sets.join(mesh.origin(h), mesh.target(h));
+  std::map<Index, double> length;
+  for (const Index h : edges) length[sets.find(mesh.origin(h))] += mesh.edge_vector(h).norm();
+  std::erase_if(edges, [&](Index h) { return length[sets.find(mesh.origin(h))] < least_length; });
+}
+
 /// Half-edges of a part that are to be edges of quads: where primitives meet or normals part, and what was asked for.
 std::vector<Index> lines_of(const Gathered& gathered, const Shells& shells, const TriangleMesh<double>& part,
                             const std::vector<Index>& faces, const GltfRemeshOptions& options, bool sharp,
                             double quads) {
   const Regions regions(gathered, part, faces);
   const bool flat = shells.wedges->flat(shells.components.of_face[at(faces.front())]);
-  const auto wedge = [&](Index h) { return shells.wedges->at_corner(3 * faces[at(h / 3)] + h % 3); };
   // Of the length of all edges of `quads` quads, at most these shares may be bound to lines that were not asked for.
   constexpr double borders_worth = 0.2, sharp_worth = 0.1;
+  constexpr double worth_edges = 3;  // edges that hang together are worth a line from so many edges of quads on
+  const auto material = [&](Index h) {
+    return gathered.primitives[at(gathered.surface.source_primitive[at(faces[at(h / 3)])])].material;
+  };
   std::vector<Index> lines, borders, bends;
   double border_length = 0, bend_length = 0;
   for (Index h = 0; h < part.halfedge_count(); ++h) {
@@ -154,18 +168,17 @@ std::vector<Index> lines_of(const Gathered& gathered, const Shells& shells, cons
     const double length = part.edge_vector(h).norm();
     if (primitives ? options.keep_materials : options.keep_textures && seam) {
       lines.push_back(h);
-    } else if (primitives) {
+    } else if (primitives && material(h) != material(across)) {  // one that is not seen needs no line
       borders.push_back(h);
       border_length += length;
-    } else if (!flat && !seam &&
-               (wedge(h) != wedge(TriangleMesh<double>::next(across)) ||
-                wedge(TriangleMesh<double>::next(h)) != wedge(across))) {
+    } else if (!flat && shells.wedges->is_hard(3 * faces[at(h / 3)] + h % 3)) {
       bends.push_back(h);
-      bend_length += length;
     }
   }
   const double all = 2 * std::sqrt(quads * part.total_area());
   if (2 * quads > part.face_count()) bends.clear();  // made denser, it has mostly edges of that kind
+  drop_short(part, bends, worth_edges * std::sqrt(part.total_area() / quads));
+  for (const Index h : bends) bend_length += part.edge_vector(h).norm();
   if (sharp && border_length <= borders_worth * all) lines.insert(lines.end(), borders.begin(), borders.end());
   if (sharp && bend_length <= sharp_worth * all) lines.insert(lines.end(), bends.begin(), bends.end());
   std::sort(lines.begin(), lines.end());

@@ -42,7 +42,7 @@ std::vector<double> density_factors(const Gathered& gathered, const std::optiona
   if (!options.material_density.empty())
     for (Index f = 0; f < mesh.face_count(); ++f) {
       const Primitive& primitive = gathered.primitives[at(gathered.surface.source_primitive[at(f)])];
-      factors[at(f)] *= factor_of(options.material_density, primitive.material);
+      factors[at(f)] *= factor_of(options.material_density, primitive.material_name);
       any = true;
     }
   if (!options.bone_density.empty() && asset.rig) {
@@ -63,7 +63,7 @@ Status check_density(const std::vector<Gathered>& all, const GltfRemeshOptions& 
   for (const Gathered& one : all) {
     if (one.surface.asset.rig)
       for (const Bone& bone : one.surface.asset.rig->skeleton.bones) bones.push_back(bone.name);
-    for (const Primitive& primitive : one.primitives) materials.push_back(primitive.material);
+    for (const Primitive& primitive : one.primitives) materials.push_back(primitive.material_name);
     for (const Attribute& attribute : one.attributes)
       colors = colors || (attribute.target == Attribute::no_target && attribute.name == "COLOR_0");
   }

@@ -84,7 +84,8 @@ Status Gatherer::add(std::size_t mesh, std::size_t number, const Json& json) {
   if (const Json* index = member(json, "material"))
     if (const auto m = whole(*index); m && *m < materials.size())
       if (const Json* name = member(materials[*m], "name"); name && name->is_string())
-        primitive.material = name->get<std::string>();
+        primitive.material_name = name->get<std::string>();
+  if (const Json* material = member(json, "material")) primitive.material = whole(*material);
   std::vector<Loose> loose;
   std::vector<std::pair<std::shared_ptr<const Values>, std::shared_ptr<const Values>>> sets;
   for (const auto& [name, accessor] : attributes->items()) {

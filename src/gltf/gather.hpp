@@ -26,9 +26,10 @@ struct Attribute {
 
 struct Primitive {
   std::size_t mesh = 0, number = 0;     ///< of the file, of the mesh
+  std::optional<std::size_t> material;  ///< of the file
   std::vector<std::size_t> attributes;  ///< of Gathered::attributes, in the file's order
   std::size_t targets = 0;
-  std::string material;   ///< its name
+  std::string material_name;
   bool tangents = false;  ///< it has them: they are made anew
   /// Two columns of Gathered::values: the texture coordinates that they follow. no_texture: it has none.
   Eigen::Index texture = no_texture;

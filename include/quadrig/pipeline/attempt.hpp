@@ -29,6 +29,7 @@ struct FoundQuads {
   std::vector<Index> parent;
   Index singularities = 0;
   FieldReport field;
+  MapStrain strain;
   std::optional<ComponentMap> map;  ///< where RemeshOptions::keep_maps asks for it
 };
 

@@ -210,6 +210,7 @@ class AttemptRun {
       return map_error(map->report.tries.back());
     }
 
+    strain_ = map->report.strain;
     const TriangleMesh<double>& surface = surface_mesh();
     const EdgeMarks& surface_kept = surface_marks();
     std::optional<OntoSurface> projection;
@@ -254,6 +255,7 @@ class AttemptRun {
                                piece_.source.empty() ? piece_.parent : shared_.original.parent,
                                field.singularities.plus + field.singularities.minus,
                                field.report,
+                               strain_,
                                std::move(map_)};
     if (least > fine_enough) return Outcome::good;
     leave("least scaled Jacobian " + std::to_string(least).substr(0, 4));
@@ -277,6 +279,7 @@ class AttemptRun {
   Context& context_;
   const SolverFactory<double> real_solver_ = options_.solver.factory<double>();
   AttemptResult result_;
+  MapStrain strain_;  // of the map that came out
   std::optional<ComponentMap> map_;
   std::vector<std::string> on_the_way_;  // what the map that came out was preceded by
   Stopwatch watch_;

@@ -184,6 +184,7 @@ class ComponentRemesher {
     result_.report.kept_as_quads = kept.as_quads;
     result_.report.rung = best_->made.rung;
     result_.report.singularities = best_->singularities;
+    result_.report.strain = best_->strain;
     result_.field = std::move(best_->field);
     result_.map = std::move(best_->map);
     return finished(std::move(found));

@@ -624,7 +624,9 @@ class Finisher {
   [[nodiscard]] Status finish() {
     const Stopwatch watch;
     std::vector<char> held = quads_.held;
-    for (std::size_t v = 0; v < held.size(); ++v) held[v] = held[v] || quads_.on_features[v];
+    // Lines of edges that are kept are smooth in a cage, as a renderer without creases of its own makes them.
+    if (options_.fit.method != FitMethod::subdivision)
+      for (std::size_t v = 0; v < held.size(); ++v) held[v] = held[v] || quads_.on_features[v];
     if (options_.fit.method == FitMethod::slide)
       (void)slide(mesh_, quads_.targets, beside_surface_held(held), options_.fit.slide, quads_.mesh, context_);
     if (context_.cancelled()) return cancelled_error("fit");
@@ -660,7 +662,7 @@ class Finisher {
   /// Both sides of the mirror plane, where the surface is symmetric.
   void make_alike(FittedQuads& fitted) {
     SymmetryReport& symmetry = quads_.report.symmetry;
-    const bool stays = options_.fit.method != FitMethod::surface;
+    const bool stays = options_.fit.method == FitMethod::slide || options_.fit.method == FitMethod::none;
     if (stays) mirror_along_surface(*symmetry.plane, fitted.mesh);
     const QuadMesh before = fitted.mesh;
     symmetry.vertices = symmetrize(mesh_, asset_.rig ? &asset_.rig->weights : nullptr, options_.morphs, *symmetry.plane,
