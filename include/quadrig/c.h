@@ -167,6 +167,11 @@ typedef struct quadrig_options {
   const uint32_t* direction_triangles; /* triangles whose quads run along or across a direction */
   const double* directions;            /* three numbers each */
   const double* direction_weights;     /* that of a bone is 1; infinity, or null: exactly so */
+  /* Closed rings of quads round the joints that bend a limb. */
+  uint32_t loops;                 /* at each, where the count allows: 3 */
+  uint32_t joint_loop_count;      /* entries of the next two */
+  const char* const* loop_joints; /* names of joints, in which * stands for anything */
+  const uint32_t* joint_loops;    /* rings round these; the last name that fits counts */
 } quadrig_options;
 
 QUADRIG_C_API void quadrig_options_init(quadrig_options* options, size_t size);

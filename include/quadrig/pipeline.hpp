@@ -9,6 +9,7 @@
 #include "quadrig/fit.hpp"
 #include "quadrig/polish.hpp"
 #include "quadrig/seamless/strain.hpp"
+#include "quadrig/quality/hinges.hpp"
 #include "quadrig/sizing.hpp"
 #include "quadrig/transfer.hpp"
 
@@ -55,6 +56,33 @@ struct DirectionOptions {
   return directions;
 }
 
+/// How many closed rings of quads there are to be round each joint that bends a limb; docs/map.md.
+struct LoopOptions {
+  Index least = 3;  ///< at a joint, where the count allows; 0: none are asked for
+  /// Other numbers for some joints: a name, in which * stands for anything. The last that matches counts.
+  struct OfJoint {
+    std::string name;
+    Index loops = 0;
+  };
+  std::vector<OfJoint> of_joints{};
+
+  [[nodiscard]] Index of(std::string_view joint) const {
+    Index wanted = least;
+    for (const OfJoint& one : of_joints)
+      if (matches(joint, one.name)) wanted = one.loops;
+    return wanted;
+  }
+  /// Whether a name fits a pattern.
+  [[nodiscard]] static bool matches(std::string_view name, std::string_view pattern) {
+    const std::size_t star = pattern.find('*');
+    if (star == std::string_view::npos) return name == pattern;
+    if (!name.starts_with(pattern.substr(0, star))) return false;
+    for (std::size_t k = star; k <= name.size(); ++k)
+      if (matches(name.substr(k), pattern.substr(star + 1))) return true;
+    return false;
+  }
+};
+
 struct RemeshOptions {
   Index quads = 2000;  ///< wanted; see RemeshReport::minimum_count for surfaces that need more
   FieldPreset preset = FieldPreset::standard;
@@ -77,6 +105,7 @@ struct RemeshOptions {
   std::vector<Index> features;
   /// Where another vertex group gets the largest weight, the border becomes edges of quads too.
   bool group_borders = false;
+  LoopOptions loops;  ///< of the standard preset, where there is a rig
   PolishOptions polish;
   FitOptions fit;
   bool keep_maps = false;  ///< RemeshResult::maps
@@ -129,6 +158,14 @@ struct StageBackends {
   std::string field, surgery, target, map, untangling;
 };
 
+/// A joint that bends a limb, and the closed rings of quads that it has.
+struct HingeReport {
+  std::string joint;  ///< the bone that turns about its head
+  Index wanted = 0;   ///< loops: RemeshOptions::loops
+  HingeRings rings{};
+  Index quads_for = 0;  ///< of the whole that would have as many loops; 0 where there are, or count is not what lacks
+};
+
 struct RemeshReport {
   Index quads = 0, vertices = 0, irregular = 0;
   double scaled_jacobian_average = 0, scaled_jacobian_minimum = 0;
@@ -137,10 +174,19 @@ struct RemeshReport {
   std::vector<ComponentReport> components;
   StageSeconds seconds;  ///< summed over components, which may run side by side; `total` is the wall clock
   std::vector<Warning> warnings;
-  FieldReport field;       ///< of the largest component
-  StageBackends backends;  ///< likewise
-  FitReport fit;           ///< of all components together
+  FieldReport field;                ///< of the largest component
+  StageBackends backends;           ///< likewise
+  FitReport fit;                    ///< of all components together
+  std::vector<HingeReport> hinges;  ///< where there is a rig
 };
+
+/// Puts the hinges of a result, and what was wanted of them, into its report.
+/// \return where that is more the joints, for a warning
+/// \cost as hinge_rings
+[[nodiscard]] QUADRIG_INLINE std::optional<std::string> report_hinges(const QuadMesh& quads, const Skeleton& skeleton,
+                                                                      const SkinWeights& weights,
+                                                                      const RemeshOptions& options,
+                                                                      RemeshReport& report);
 
 /// The map that the quads of a component are the grid of.
 struct ComponentMap {
@@ -195,6 +241,7 @@ struct UnfittedQuads {
 #if !defined(QUADRIG_COMPILED)
 #include "quadrig/pipeline/attempt.ipp"
 #include "quadrig/pipeline/component.ipp"
+#include "quadrig/pipeline/hinges.ipp"
 #include "quadrig/pipeline/mapped_quads.ipp"
 #include "quadrig/pipeline/remesh.ipp"
 #endif

@@ -4,5 +4,6 @@
 #include "quadrig/quality/deformation.hpp"
 #include "quadrig/quality/distance.hpp"
 #include "quadrig/quality/guidance.hpp"
+#include "quadrig/quality/hinges.hpp"
 #include "quadrig/quality/statistics.hpp"
 #include "quadrig/quality/validity.hpp"

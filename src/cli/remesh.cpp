@@ -1,4 +1,6 @@
 // quadrig remesh: the whole way.
+#include <charconv>
+
 #include "map_obj.hpp"
 #include "remesh_gltf.hpp"
 
@@ -20,7 +22,7 @@ struct RemeshCommand {
   bool source_map = false, seams = true, force = false;
   std::string topology = "best", normals = "auto";
   double max_error = GltfRemeshOptions{}.most_edges_off;
-  std::vector<std::string> keep;
+  std::vector<std::string> keep, loops;
   [[nodiscard]] bool keeps(std::string_view what) const {
     return std::find(keep.begin(), keep.end(), what) != keep.end();
   }
@@ -45,6 +47,9 @@ Json options_json(const RemeshCommand& o) {
   json["bend_degrees"] = o.remesh.bend_degrees;
   json["crease_degrees"] = o.crease_degrees > 0 ? Json(o.crease_degrees) : Json(nullptr);
   json["keep"] = o.keep;
+  json["loops"] = o.remesh.loops.least;
+  json["joint_loops"] = Json::object();
+  for (const LoopOptions::OfJoint& one : o.remesh.loops.of_joints) json["joint_loops"][one.name] = one.loops;
   json["fit"] = fit_method_name(o.remesh.fit.method);
   json["influences"] = o.remesh.influences;
   json["count_tolerance"] = o.remesh.count_tolerance;
@@ -73,6 +78,24 @@ Json report_json(const RemeshCommand& options, const LoadedAsset& loaded, const 
   report["options"] = options_json(options);
   add_remesh_figures(report, r, read_seconds, warnings);
   return report;
+}
+
+/// N, or NAME=N, in the order given.
+Status read_loops(std::span<const std::string> given, LoopOptions& loops) {
+  for (const std::string& one : given) {
+    const std::size_t equals = one.rfind('=');
+    const std::string_view number = std::string_view(one).substr(equals == std::string::npos ? 0 : equals + 1);
+    Index count = 0;
+    const auto [end, fault] = std::from_chars(number.data(), number.data() + number.size(), count);
+    if (fault != std::errc{} || end != number.data() + number.size() || count < 0 || equals == 0)
+      return Error{ErrorCode::bad_option, "is no number of loops, nor a joint with one", "--loops " + one,
+                   "give a number such as 3, or NAME=5"};
+    if (equals == std::string::npos)
+      loops.least = count;
+    else
+      loops.of_joints.push_back({one.substr(0, equals), count});
+  }
+  return {};
 }
 
 Status remesh_files(RemeshCommand options, Session& session) {
@@ -127,6 +150,7 @@ Status remesh_files(RemeshCommand options, Session& session) {
   options.input.load.keep = {options.keeps("materials"), options.keeps("textures"), options.keeps("lines")};
   if (gltf && options.keeps("lines"))
     return Error{ErrorCode::bad_option, "--keep lines is for OBJ files", input.files.mesh.string(), "leave it out"};
+  if (Status status = read_loops(options.loops, options.remesh.loops); !status) return status;
   if (Status status = options.remesh.validate(); !status) return status;
   if (options.input.load.bind) {
     options.input.load.bind->influences = options.remesh.influences;
@@ -226,6 +250,14 @@ void add_remesh_figures(Json& report, const RemeshReport& r, double read_seconds
                                     {"kept_length", c.kept_length},
                                     {"kept_as_quads", c.kept_as_quads},
                                     {"reasons", c.reasons}});
+  report["hinges"] = Json::array();
+  for (const HingeReport& hinge : r.hinges)
+    report["hinges"].push_back({{"joint", hinge.joint},
+                                {"wanted", hinge.wanted},
+                                {"loops", hinge.rings.loops},
+                                {"around", hinge.rings.around},
+                                {"poles", hinge.rings.poles},
+                                {"quads_for", hinge.quads_for}});
   report["field"] = {{"preset", field_preset_name(r.field.preset)},
                      {"singularities_plus", r.field.singularities_plus},
                      {"singularities_minus", r.field.singularities_minus},
@@ -296,6 +328,13 @@ void add_remesh(CLI::App& app, Run& run) {
       ->check(CLI::IsMember({"materials", "textures", "groups", "lines"}))
       ->allow_extra_args(false)
       ->type_name("materials|textures|groups|lines[,…]");
+  verb->add_option(
+          "--loops", options->loops,
+          "Closed rings of quads round each joint that bends a limb, at least, where the count allows; for some "
+          "joints by name, in which * stands for anything: --loops 3,elbow.L=5,'*knee*=4'")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->option_text("N|NAME=N[,…] = 3");
   verb->add_option_function<std::string>(
           "--fit", [&remesh](const std::string& name) { remesh.fit.method = *fit_method(name); },
           "Where vertices go: surface: off the surface, where flat quads are nearest to it at rest and bent; slide: "

@@ -18,6 +18,11 @@ QUADRIG_INLINE Status RemeshOptions::validate() const {
   if (quads < 6) return bad("quads", "too few to close a surface", "give 6 or more");
   if (quads > 50'000'000) return bad("quads", "too many", "give at most 50000000");
   if (influences < 1) return bad("influences", "a vertex needs at least one", "give 1 or more");
+  if (loops.least < 0) return bad("loops.least", "negative", "give 0 or more");
+  for (const LoopOptions::OfJoint& one : loops.of_joints)
+    if (one.loops < 0 || one.name.empty())
+      return bad("loops.of_joints", one.name.empty() ? "a joint without a name" : "negative for " + one.name,
+                 "give a name and 0 or more");
   if (!(count_tolerance > 0)) return bad("count_tolerance", "not positive", "give a fraction such as 0.05");
   if (!(bend_degrees > 0 && bend_degrees < 180))
     return bad("bend_degrees", "out of range", "give an angle in (0, 180)");
@@ -519,7 +524,14 @@ QUADRIG_INLINE Expected<RemeshResult> fit_and_skin(const Asset& asset, const Rem
 QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOptions& options, Context& context) {
   Expected<UnfittedQuads> quads = remesh_unfitted(asset, options, context);
   if (!quads) return quads.error();
-  return fit_and_skin(asset, options, std::move(*quads), context);
+  Expected<RemeshResult> result = fit_and_skin(asset, options, std::move(*quads), context);
+  if (result && result->weights)
+    if (const std::optional<std::string> lacking =
+            report_hinges(result->mesh, asset.rig->skeleton, *result->weights, options, result->report)) {
+      result->report.warnings.push_back({"remesh", *lacking});
+      context.warnings.push_back(result->report.warnings.back());
+    }
+  return result;
 }
 
 }  // namespace quadrig
