@@ -3,5 +3,6 @@
 
 #include "quadrig/pipeline/attempt.ipp"
 #include "quadrig/pipeline/component.ipp"
+#include "quadrig/pipeline/hinges.ipp"
 #include "quadrig/pipeline/mapped_quads.ipp"
 #include "quadrig/pipeline/remesh.ipp"

@@ -9,6 +9,7 @@
 #include "quadrig/field.hpp"
 #include "quadrig/fit.hpp"
 #include "quadrig/polish.hpp"
+#include "quadrig/quality/hinges.hpp"
 #include "quadrig/seamless/strain.hpp"
 #include "quadrig/sizing.hpp"
 #include "quadrig/symmetry.hpp"
@@ -65,6 +66,33 @@ struct Guide {
   double weight = 1;  ///< of that pull, against smoothness; that of a bone is 1
 };
 
+/// How many closed rings of quads there are to be round each joint that bends a limb; docs/map.md.
+struct LoopOptions {
+  Index least = 3;  ///< at a joint, where the count allows; 0: none are asked for
+  /// Other numbers for some joints: a name, in which * stands for anything. The last that matches counts.
+  struct OfJoint {
+    std::string name;
+    Index loops = 0;
+  };
+  std::vector<OfJoint> of_joints{};
+
+  [[nodiscard]] Index of(std::string_view joint) const {
+    Index wanted = least;
+    for (const OfJoint& one : of_joints)
+      if (matches(joint, one.name)) wanted = one.loops;
+    return wanted;
+  }
+  /// Whether a name fits a pattern.
+  [[nodiscard]] static bool matches(std::string_view name, std::string_view pattern) {
+    const std::size_t star = pattern.find('*');
+    if (star == std::string_view::npos) return name == pattern;
+    if (!name.starts_with(pattern.substr(0, star))) return false;
+    for (std::size_t k = star; k <= name.size(); ++k)
+      if (matches(name.substr(k), pattern.substr(star + 1))) return true;
+    return false;
+  }
+};
+
 struct RemeshOptions {
   Index quads = 2000;  ///< wanted; see RemeshReport::minimum_count for surfaces that need more
   FieldPreset preset = FieldPreset::standard;
@@ -85,8 +113,9 @@ struct RemeshOptions {
   std::vector<Points<double>> morphs;
   double count_tolerance = 0.05;
   Index influences = 4;  ///< most skin weights a vertex of the quads keeps
-  /// Edges that bend more than this become edges of quads, radians, where they run on; π: none.
-  double crease_angle_radians = std::numbers::pi;
+  /// Edges that bend more than this become edges of quads, radians, where they run on; π: none. Unset: those of
+  /// components made of flat sides (docs/command.md), where there is no rig.
+  std::optional<double> crease_angle_radians;
   /// Half-edges of the asset's mesh, one of a pair is enough, that become edges of quads: borders of materials or
   /// texture islands (`label_borders`), whatever the caller wants to find again.
   std::vector<Index> features;
@@ -99,6 +128,7 @@ struct RemeshOptions {
   std::optional<SymmetryChoice> symmetry;
   /// The plane, where the caller knows it: none is looked for.
   std::optional<MirrorPlane> mirror_plane;
+  LoopOptions loops;  ///< of the standard preset, where there is a rig
   PolishOptions polish;
   FitOptions fit;
   bool keep_maps = false;  ///< RemeshResult::maps
@@ -131,9 +161,18 @@ struct ComponentReport {
   Index quads = 0, irregular = 0;
   Index singularities = 0;
   Rung rung = Rung::fine_map;
-  MapStrain strain;                  ///< of the map; zeros where it was split
-  double kept_length = 0;            ///< of creases and features, units of the mesh
-  double kept_as_quads = 0;          ///< of these, how much edges of quads run along
+  MapStrain strain;          ///< of the map; zeros where it was split
+  double kept_length = 0;    ///< of creases and features, units of the mesh
+  double kept_as_quads = 0;  ///< of these, how much edges of quads run along
+  double edge = 0;           ///< of a square quad, were all as large: the root of area over quads
+  double farthest = 0;       ///< point of the surface from the quads, or of the quads from the surface; length
+  Vector3 farthest_place = Vector3::Zero();
+  double share_missed = 0;  ///< of the surface's area: farther than `edge` from the quads
+  double area_ratio = 1;    ///< area of the quads over that of the surface
+
+  /// Whether some of the surface is missing.
+  [[nodiscard]] bool misses() const { return farthest > most_edges_off * edge; }
+  static constexpr double most_edges_off = 1;
   std::vector<std::string> reasons;  ///< why earlier rungs and attempts were left
 };
 
@@ -174,6 +213,14 @@ struct SymmetryReport {
   }
 };
 
+/// A joint that bends a limb, and the closed rings of quads that it has.
+struct HingeReport {
+  std::string joint;  ///< the bone that turns about its head
+  Index wanted = 0;   ///< loops: RemeshOptions::loops
+  HingeRings rings{};
+  Index quads_for = 0;  ///< of the whole that would have as many loops; 0 where there are, or count is not what lacks
+};
+
 struct RemeshReport {
   Index quads = 0, vertices = 0, irregular = 0;
   double scaled_jacobian_average = 0, scaled_jacobian_minimum = 0;
@@ -182,11 +229,20 @@ struct RemeshReport {
   std::vector<ComponentReport> components;
   StageSeconds seconds;  ///< summed over components, which may run side by side; `total` is the wall clock
   std::vector<Warning> warnings;
-  FieldReport field;       ///< of the largest component
-  StageBackends backends;  ///< likewise
-  FitReport fit;           ///< of all components together
+  FieldReport field;                ///< of the largest component
+  StageBackends backends;           ///< likewise
+  FitReport fit;                    ///< of all components together
+  std::vector<HingeReport> hinges;  ///< where there is a rig
   SymmetryReport symmetry;
 };
+
+/// Puts the hinges of a result, and what was wanted of them, into its report.
+/// \return where that is more the joints, for a warning
+/// \cost as hinge_rings
+[[nodiscard]] QUADRIG_INLINE std::optional<std::string> report_hinges(const QuadMesh& quads, const Skeleton& skeleton,
+                                                                      const SkinWeights& weights,
+                                                                      const RemeshOptions& options,
+                                                                      RemeshReport& report);
 
 /// The map that the quads of a component are the grid of.
 struct ComponentMap {
@@ -244,6 +300,7 @@ struct UnfittedQuads {
 #if !defined(QUADRIG_COMPILED)
 #include "quadrig/pipeline/attempt.ipp"
 #include "quadrig/pipeline/component.ipp"
+#include "quadrig/pipeline/hinges.ipp"
 #include "quadrig/pipeline/mapped_quads.ipp"
 #include "quadrig/pipeline/remesh.ipp"
 #endif

@@ -11,6 +11,7 @@
 #pragma once
 
 #include "quadrig/seamless/aligned_edges.hpp"
+#include "quadrig/seamless/closed_loops.hpp"
 #include "quadrig/seamless/cut_graph.hpp"
 #include "quadrig/seamless/from_uv.hpp"
 #include "quadrig/seamless/poisson.hpp"

@@ -16,6 +16,7 @@ quadrig_options default_options() noexcept {
   options.count_tolerance = defaults.count_tolerance;
   options.bones = options.curvature = -1;
   options.posed = defaults.directions.posed;
+  options.loops = static_cast<std::uint32_t>(defaults.loops.least);
   return options;
 }
 
@@ -53,6 +54,15 @@ Expected<RemeshOptions> remesh_options(const quadrig_options& options) {
   result.directions.posed = options.posed;
   if (options.keep > (quadrig_keep_materials | quadrig_keep_textures | quadrig_keep_groups))
     return Error{ErrorCode::bad_option, "has a bit that there is none of", "options.keep", "add up quadrig_keep_…"};
+  result.loops.least = static_cast<Index>(std::min(options.loops, most));
+  if (options.joint_loop_count > 0 && (!options.loop_joints || !options.joint_loops))
+    return Error{ErrorCode::bad_option, "is null", "options.loop_joints, options.joint_loops", "give the arrays"};
+  for (std::uint32_t k = 0; k < options.joint_loop_count; ++k) {
+    if (!options.loop_joints[k])
+      return Error{ErrorCode::bad_option, "is null", "options.loop_joints[" + std::to_string(k) + "]", "give a name"};
+    result.loops.of_joints.push_back(
+        {options.loop_joints[k], static_cast<Index>(std::min(options.joint_loops[k], most))});
+  }
   result.group_borders = (options.keep & quadrig_keep_groups) != 0;
   if (options.symmetry > quadrig_symmetry_z)
     return Error{ErrorCode::bad_option, "is none that there is", "options.symmetry", "give a quadrig_symmetry"};

@@ -1,4 +1,6 @@
 // quadrig remesh: the whole way.
+#include <charconv>
+
 #include "map_obj.hpp"
 #include "remesh_gltf.hpp"
 
@@ -11,7 +13,7 @@ struct RemeshCommand {
   std::string preset = "default", density;
   SizingOptions sizing;
   bool aspect_given = false;
-  double crease_degrees = 0;
+  std::string creases = "flats";
   std::filesystem::path output, report, weights_out, quads_out, map_out;
   bool binary_weights = false;
   std::string poses = "bends";
@@ -26,6 +28,8 @@ struct RemeshCommand {
   bool density_colors = false;
   std::filesystem::path guides;
   double guide_width = 0, guide_weight = 1;
+  bool strict_count = false;
+  std::vector<std::string> loops;
   [[nodiscard]] bool keeps(std::string_view what) const {
     return std::find(keep.begin(), keep.end(), what) != keep.end();
   }
@@ -40,7 +44,8 @@ const std::vector<Bundle>& bundles() {
   static const std::vector<Bundle> all{
       {"game", {{"--symmetry", "auto"}, {"--fit", "surface"}, {"--influences", "4"}}},
       {"film", {{"--symmetry", "auto"}, {"--fit", "subdivision"}, {"--influences", "8"}}},
-      {"lod", {{"--symmetry", "none"}, {"--fit", "surface"}, {"--topology", "best"}, {"--influences", "4"}}},
+      {"lod",
+       {{"--symmetry", "none"}, {"--fit", "surface"}, {"--topology", "best"}, {"--loops", "0"}, {"--influences", "4"}}},
       {"scan", {{"--preset", "static"}, {"--density", "rest"}, {"--symmetry", "none"}}},
   };
   return all;
@@ -100,7 +105,9 @@ Json options_json(const RemeshCommand& o) {
   else
     json["sizing"] = nullptr;
   json["bend_degrees"] = o.remesh.bend_degrees;
-  json["crease_degrees"] = o.crease_degrees > 0 ? Json(o.crease_degrees) : Json(nullptr);
+  const auto& crease = o.remesh.crease_angle_radians;
+  json["crease_degrees"] = crease ? Json(*crease * 180 / std::numbers::pi) : Json(nullptr);
+  json["max_error"] = o.max_error;
   json["keep"] = o.keep;
   json["for"] = o.bundle.empty() ? Json(nullptr) : Json(o.bundle);
   json["guides"] = o.guides.empty() ? Json(nullptr) : Json(o.guides.string());
@@ -109,6 +116,9 @@ Json options_json(const RemeshCommand& o) {
   json["bone_density"] = factors_json(o.bone_density);
   json["material_density"] = factors_json(o.material_density);
   json["density_colors"] = o.density_colors;
+  json["loops"] = o.remesh.loops.least;
+  json["joint_loops"] = Json::object();
+  for (const LoopOptions::OfJoint& one : o.remesh.loops.of_joints) json["joint_loops"][one.name] = one.loops;
   json["fit"] = fit_method_name(o.remesh.fit.method);
   json["symmetry"] = o.remesh.symmetry ? Json(symmetry_choice_name(*o.remesh.symmetry)) : Json(nullptr);
   json["influences"] = o.remesh.influences;
@@ -122,7 +132,6 @@ Json options_json(const RemeshCommand& o) {
     json["seams"] = o.seams;
     json["topology"] = o.topology;
     json["normals"] = o.normals;
-    json["max_error"] = o.max_error;
   }
   const PrepareOptions& prepare = o.input.load.prepare;
   json["weld"] = prepare.weld == Weld::never ? "never" : prepare.weld == Weld::all ? "all" : "seams";
@@ -150,6 +159,39 @@ Expected<std::vector<Guide>> read_guides(const std::filesystem::path& path, cons
   return guides;
 }
 
+/// N, or NAME=N, in the order given.
+Status read_loops(std::span<const std::string> given, LoopOptions& loops) {
+  for (const std::string& one : given) {
+    const std::size_t equals = one.rfind('=');
+    const std::string_view number = std::string_view(one).substr(equals == std::string::npos ? 0 : equals + 1);
+    Index count = 0;
+    const auto [end, fault] = std::from_chars(number.data(), number.data() + number.size(), count);
+    if (fault != std::errc{} || end != number.data() + number.size() || count < 0 || equals == 0)
+      return Error{ErrorCode::bad_option, "is no number of loops, nor a joint with one", "--loops " + one,
+                   "give a number such as 3, or NAME=5"};
+    if (equals == std::string::npos)
+      loops.least = count;
+    else
+      loops.of_joints.push_back({one.substr(0, equals), count});
+  }
+  return {};
+}
+
+/// \param text an angle in degrees, "none" or "flats" \fails bad_option on all else
+Status set_creases(const std::string& text, RemeshOptions& options) {
+  if (text == "flats") return {};
+  double degrees = 180;
+  if (text != "none") {
+    const char* end = text.data() + text.size();
+    const auto [rest, fault] = std::from_chars(text.data(), end, degrees);
+    if (fault != std::errc() || rest != end || !(degrees >= 0.01 && degrees <= 180))
+      return Error{ErrorCode::bad_option, "is no angle", "--creases " + text,
+                   "give 0.01 to 180 degrees, none, or flats"};
+  }
+  options.crease_angle_radians = degrees * std::numbers::pi / 180;
+  return {};
+}
+
 Status remesh_files(RemeshCommand options, Session& session) {
   const Input& input = options.input;
   const std::filesystem::path& weights_out = options.weights_out;
@@ -163,12 +205,10 @@ Status remesh_files(RemeshCommand options, Session& session) {
                  "leave out --rig, --weights and --weights-out"};
   if (!gltf &&
       (!options.quads_out.empty() || options.poses != "bends" || options.source_map || options.selection.unskinned ||
-       !options.selection.names.empty() || !options.seams || options.topology != "best" || options.normals != "auto" ||
-       options.max_error != GltfRemeshOptions{}.most_edges_off))
+       !options.selection.names.empty() || !options.seams || options.topology != "best" || options.normals != "auto"))
     return Error{
         ErrorCode::bad_option,
-        "--quads-out, --poses, --select, --all, --source-map, --no-seams, --topology, --normals and --max-error "
-        "are for glTF files",
+        "--quads-out, --poses, --select, --all, --source-map, --no-seams, --topology and --normals are for glTF files",
         input.files.mesh.string(), "leave them out"};
   if (!options.quads_out.empty() && options.quads_out.extension() != ".obj")
     return Error{ErrorCode::bad_option, "quads can only be written as OBJ", options.quads_out.string(),
@@ -197,7 +237,7 @@ Status remesh_files(RemeshCommand options, Session& session) {
     if (*density == DensitySource::uniform && !options.aspect_given) options.sizing.largest_aspect = 1;
     options.remesh.sizing = options.sizing;
   }
-  if (options.crease_degrees > 0) options.remesh.crease_angle_radians = options.crease_degrees * std::numbers::pi / 180;
+  if (Status status = set_creases(options.creases, options.remesh); !status) return status;
   options.remesh.group_borders = options.keeps("groups");
   if (!gltf && !options.bone_density.empty() && input.files.rig.empty())
     return Error{ErrorCode::bad_option, "needs bones", "--bone-density", "give --rig, or leave it out"};
@@ -205,6 +245,7 @@ Status remesh_files(RemeshCommand options, Session& session) {
   options.input.load.keep = {options.keeps("materials"), options.keeps("textures"), options.keeps("lines")};
   if (gltf && options.keeps("lines"))
     return Error{ErrorCode::bad_option, "--keep lines is for OBJ files", input.files.mesh.string(), "leave it out"};
+  if (Status status = read_loops(options.loops, options.remesh.loops); !status) return status;
   if (Status status = options.remesh.validate(); !status) return status;
   if (options.input.load.bind) {
     options.input.load.bind->influences = options.remesh.influences;
@@ -289,12 +330,15 @@ Status remesh_files(RemeshCommand options, Session& session) {
     if (Status status = files.add(options.report, report_text(report)); !status) return status;
   }
   if (Status status = session.commit(files); !status) return status;
+  const double off = std::abs(static_cast<double>(r.quads) / options.remesh.quads - 1);
+  session.in_part = options.strict_count && off > options.remesh.count_tolerance;
+  const auto strays = [&](const ComponentReport& part) { return part.farthest > options.max_error * part.edge; };
+  if (options.max_error > 0 && std::ranges::any_of(r.components, strays)) session.in_part = true;
   std::string line =
       options.output.string() + ": " + std::to_string(r.quads) + " quads, " + std::to_string(r.irregular) +
       " irregular vertices, scaled Jacobian " + decimals(r.scaled_jacobian_average, 3) + " on average and " +
       decimals(r.scaled_jacobian_minimum, 3) + " at least, " + decimals(read_seconds + r.seconds.total, 2) + " s";
   if (const std::string words = symmetry_words(r.symmetry); !words.empty()) line += "; " + words;
-  if (r.minimum_count > 0) line += "; fewer that fit this surface were not found";
   session.say(line);
   return {};
 }
@@ -359,7 +403,20 @@ void add_remesh_figures(Json& report, const RemeshReport& r, double read_seconds
                                       {"scaled_p95", c.strain.scaled_p95}}},
                                     {"kept_length", c.kept_length},
                                     {"kept_as_quads", c.kept_as_quads},
+                                    {"edge", c.edge},
+                                    {"farthest", c.farthest},
+                                    {"farthest_place", {c.farthest_place[0], c.farthest_place[1], c.farthest_place[2]}},
+                                    {"share_missed", c.share_missed},
+                                    {"area_ratio", c.area_ratio},
                                     {"reasons", c.reasons}});
+  report["hinges"] = Json::array();
+  for (const HingeReport& hinge : r.hinges)
+    report["hinges"].push_back({{"joint", hinge.joint},
+                                {"wanted", hinge.wanted},
+                                {"loops", hinge.rings.loops},
+                                {"around", hinge.rings.around},
+                                {"poles", hinge.rings.poles},
+                                {"quads_for", hinge.quads_for}});
   report["field"] = {{"preset", field_preset_name(r.field.preset)},
                      {"singularities_plus", r.field.singularities_plus},
                      {"singularities_minus", r.field.singularities_minus},
@@ -398,7 +455,7 @@ void add_remesh(CLI::App& app, Run& run) {
   auto options = std::make_shared<RemeshCommand>();
   RemeshOptions& remesh = options->remesh;
   CLI::App* verb = app.add_subcommand("remesh", "Quads that follow the rig, with the rig's weights");
-  add_input(*verb, options->input, ".obj, .off or .ply, or a glTF file: .glb, .gltf or .vrm");
+  add_input(*verb, options->input, ".obj, .off, .ply or .stl, or a glTF file: .glb, .gltf or .vrm");
   const std::string files = "Other files", edges = "Where edges run", sizes = "Where quads are small";
 
   // The twelve that most need.
@@ -429,9 +486,13 @@ void add_remesh(CLI::App& app, Run& run) {
   CLI::Option* guides = verb->add_option("--guides", options->guides,
                                          "Curves that edges follow: the lines (l) of an OBJ, drawn on the surface")
                             ->type_name("FILE.obj");
-  verb->add_option("--creases", options->crease_degrees, "Edges that bend more than this stay edges, degrees")
-      ->check(CLI::Range(0.01, 180.0))
-      ->type_name("ANGLE");
+  verb->add_option(
+          "--loops", options->loops,
+          "Closed rings of quads round each joint that bends a limb, at least, where the count allows; for some "
+          "joints by name, in which * stands for anything: --loops 3,elbow.L=5,'*knee*=4'")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->option_text("N|NAME=N[,…] = 3");
   verb->add_option_function<std::string>(
           "--fit", [&remesh](const std::string& name) { remesh.fit.method = *fit_method(name); },
           "Where vertices go: surface: off the surface, where flat quads are nearest to it at rest and bent; "
@@ -460,6 +521,11 @@ void add_remesh(CLI::App& app, Run& run) {
       ->type_name("M.obj")
       ->group(files);
 
+  verb->add_option("--creases", options->creases,
+                   "Edges that bend more than this stay edges, degrees; flats: the sharp ones of parts made of flat "
+                   "sides, without a rig; none")
+      ->option_text("ANGLE|flats|none = flats")
+      ->group(edges);
   verb->add_option("--keep", options->keep,
                    "Borders that become edges of quads: of materials, of texture islands, of the vertex groups of the "
                    "rig (where another bone's weight becomes the largest), and what the OBJ draws as lines")
@@ -557,17 +623,18 @@ void add_remesh(CLI::App& app, Run& run) {
       ->option_text("auto|keep|new = auto")
       ->group(parts);
   verb->add_option("--max-error", options->max_error,
-                   "Farther from the input than this many edges of its quads a shell is told, and the exit code is 9; "
-                   "0: none")
+                   "The exit code is 9 where a part lies farther than this many edges of its quads from them; 0: never")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str()
-      ->type_name("EDGES")
-      ->group(parts);
+      ->type_name("EDGES");
 
   const std::string expert = "For experts";
   verb->add_option("--count-tolerance", remesh.count_tolerance, "How far off the count may be")
       ->capture_default_str()
       ->type_name("SHARE")
+      ->group(expert);
+  verb->add_flag("--strict-count", options->strict_count,
+                 "The exit code is 9 where the count is off by more than the tolerance")
       ->group(expert);
   verb->add_option("--solver", remesh.solver.name, "Linear solver")
       ->capture_default_str()

@@ -21,6 +21,7 @@ RemeshReport together(std::span<const GltfRemeshed> all, const RemeshOptions& op
     sum.vertices += r.vertices;
     sum.irregular += r.irregular;
     sum.components.insert(sum.components.end(), r.components.begin(), r.components.end());
+    sum.hinges.insert(sum.hinges.end(), r.hinges.begin(), r.hinges.end());
     sum.warnings.insert(sum.warnings.end(), r.warnings.begin(), r.warnings.end());
     sum.seconds += r.seconds;
     sum.fit += r.fit;

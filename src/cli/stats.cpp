@@ -319,7 +319,7 @@ Status stats(const StatsCommand& options, Session& session) {
 void add_stats(CLI::App& app, Run& run) {
   auto options = std::make_shared<StatsCommand>();
   CLI::App* verb = app.add_subcommand("stats", "Counts, validity, shape, distance and bending of polygon meshes");
-  verb->add_option("MESH", options->meshes, "Meshes: .obj, .off or .ply")->required()->type_name("");
+  verb->add_option("MESH", options->meshes, "Meshes: .obj, .off, .ply or .stl")->required()->type_name("");
   auto* input = verb->add_option("--input", options->input.files.mesh, "The surface that they stand for: distances");
   input->type_name("FILE");
   auto* rig = verb->add_option("--rig", options->input.files.rig, "Its bones: how well the meshes bend");

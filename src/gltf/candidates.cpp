@@ -131,6 +131,8 @@ RemeshOptions field_options(const Gathered& gathered, const Shells& shells, cons
   const bool rigged = gathered.surface.asset.rig.has_value();
   if (!rigged && own.preset == FieldPreset::thesis) own.preset = FieldPreset::flat;
   if (!rigged) own.group_borders = false;
+  // Normals that part tell which edges are sharp.
+  if (!own.crease_angle_radians) own.crease_angle_radians = std::numbers::pi;
   if (options.pose_source == GltfPoses::clips && rigged && !gathered.surface.asset.rig->clips.empty())
     own.poses = shells.poses;
   own.symmetry = shells.mirror ? mirror_choice(options.remesh, rigged) : SymmetryChoice::none;
@@ -229,6 +231,9 @@ Expected<FieldQuads> make_field(const Gathered& gathered, const Shells& shells, 
   Expected<RemeshResult> result = fit_and_skin(part, own, std::move(*unfitted), context);
   if (!result) return result.error();
   made.result = std::move(*result);
+  // Shells have figures and warnings of their own.
+  std::erase_if(made.result.report.warnings,
+                [](const Warning& warning) { return warning.stage == "coverage" || warning.stage == "count"; });
   // No primitive may vanish.
   std::set<Index> lost;
   for (const Index f : made.faces) lost.insert(gathered.surface.source_primitive[at(f)]);

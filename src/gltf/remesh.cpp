@@ -308,6 +308,11 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
       if (context.cancelled()) return cancelled_error("gltf");
       done.moved_vertices = gltf::keep_layers(job.gathered, shells[s], context);
       gltf::collect(job, shells[s], done, options.normals, options.remesh.influences);
+      if (done.result.weights)
+        if (const std::optional<std::string> lacking =
+                report_hinges(done.result.mesh, job.gathered.surface.asset.rig->skeleton, *done.result.weights,
+                              options.remesh, done.result.report))
+          context.warn("gltf", job.gathered.surface.label() + ": " + *lacking);
       for (std::size_t p = 0; p < job.builders.size(); ++p)
         if (job.gathered.primitives[p].tangents)
           job.builders[p].make_tangents(job.gathered, job.gathered.primitives[p]);

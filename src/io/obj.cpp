@@ -79,7 +79,7 @@ namespace {
 /// \param lines_alone whether the file need have no faces
 Expected<PolygonMesh> read(const std::filesystem::path& path, const FileLimits& limits, Context& context,
                            bool lines_alone) {
-  Expected<std::string> text = io::read_file(path, limits, &context);
+  Expected<std::string> text = io::read_text(path, limits, &context);
   if (!text) return text.error();
 
   PolygonMesh mesh;
@@ -87,7 +87,7 @@ Expected<PolygonMesh> read(const std::filesystem::path& path, const FileLimits& 
   std::vector<std::size_t> face_line;
   std::vector<Index> polygon, corner_textures;
   mesh.first_corner.push_back(0);
-  Index unknown = 0, free_form = 0;
+  Index unknown = 0, free_form = 0, edges = 0;
   std::size_t unknown_line = 0;
   std::string unknown_word;
   TextureNumbers textures;
@@ -96,7 +96,7 @@ Expected<PolygonMesh> read(const std::filesystem::path& path, const FileLimits& 
   Lines lines(*text);
   do {
     const std::string_view keyword = lines.word();
-    if (keyword.empty()) continue;
+    if (keyword.empty() || keyword.front() == '$') continue;  // some exporters begin comments so
     const std::size_t line = lines.line();
     if (line % 16'384 == 0 && context.cancelled()) return cancelled_error("read");
     if (keyword == "v") {
@@ -135,8 +135,11 @@ Expected<PolygonMesh> read(const std::filesystem::path& path, const FileLimits& 
         polygon.push_back(static_cast<Index>(vertex));
         corner_textures.push_back(texture_of(word, textures.count()));
       }
-      if (polygon.size() < 3)
-        return at_line(path, line, "a face of " + std::to_string(polygon.size()) + " corners", "give it three or more");
+      if (polygon.empty()) return at_line(path, line, "a face without corners", "give it three or more");
+      if (polygon.size() < 3) {
+        ++edges;
+        continue;
+      }
       if (mesh.corners.size() + polygon.size() >= (std::size_t{1} << 31) || mesh.polygon_count() >= limits.polygons)
         return at_line(path, line, "too many faces", "use a smaller mesh");
       mesh.add_polygon(polygon);
@@ -208,6 +211,8 @@ Expected<PolygonMesh> read(const std::filesystem::path& path, const FileLimits& 
     textures.unite(mesh.texture);
   std::erase_if(mesh.lines,
                 [&](const std::array<Index, 2>& line) { return std::max(line[0], line[1]) >= mesh.vertex_count(); });
+  if (edges > 0)
+    context.warn("read", path.string() + ": " + std::to_string(edges) + " faces of one or two corners left out");
   if (free_form > 0)
     context.warn("read", path.string() + ": " + std::to_string(free_form) + " free-form curves or surfaces left out");
   if (unknown > 0)

@@ -1,7 +1,9 @@
 #pragma once
 
+#include "quadrig/field/bands.hpp"
 #include "quadrig/field/surgery.hpp"
 #include "quadrig/pipeline/attempt.hpp"
+#include "quadrig/pipeline/landing.hpp"
 
 namespace quadrig::detail {
 
@@ -73,6 +75,7 @@ class AttemptRun {
     const RepairOptions repair = repair_options(*field);
     FieldSurgery surgery(mesh_, std::move(*field), shared_.edge, real_solver_);
     if (!surgery.repair(repair, context_).ok()) return cancelled_error("remesh");
+    if (options_.preset == FieldPreset::standard && piece_.asset.rig) find_loops();
     lap(result_.seconds.field);
 
     Budget share = budget.lend(Work::maps, std::max(left / 2, granted));
@@ -125,6 +128,37 @@ class AttemptRun {
     return straight;
   }
 
+  /// The loops that quads are to close along: round every hinge that has some quads around.
+  void find_loops() {
+    constexpr double least_around = 5;
+    for (Hinge& hinge : find_hinges(mesh_, *piece_.asset.rig)) {
+      const std::string& joint = piece_.asset.rig->skeleton.bones[at(hinge.bone)].name;
+      if (options_.loops.of(joint) > 0 && hinge.length > least_around * edge_along(hinge.loop))
+        loops_.push_back(std::move(hinge.loop));
+    }
+  }
+  /// Edge of the quads along a loop.
+  [[nodiscard]] double edge_along(const FaceLoop& loop) const {
+    if (!shared_.asset.sizes) return shared_.edge;
+    double density = 0;
+    for (const Index h : loop.crossed) density += shared_.asset.sizes->density[at(piece_.parent[at(h / 3)])];
+    return shared_.edge / std::sqrt(density / static_cast<double>(loop.crossed.size()));
+  }
+  /// Quads need no longer close along the loops through the corners of these faces, or none where these are near no
+  /// loop. Returns whether there was one.
+  [[nodiscard]] bool release_loops(std::span<const Index> faces) {
+    std::vector<char> near(at(mesh_.vertex_count()), 0);
+    for (const Index f : faces)
+      for (int i = 0; i < 3; ++i) near[at(mesh_.faces()(f, i))] = 1;
+    const auto touched = [&](const FaceLoop& loop) {
+      return std::ranges::any_of(loop.crossed,
+                                 [&](Index h) { return near[at(mesh_.origin(h))] || near[at(mesh_.target(h))]; });
+    };
+    if (loops_.empty()) return false;
+    if (std::erase_if(loops_, touched) == 0) loops_.clear();
+    return true;
+  }
+
   /// The map, and where it fails again of the field with the pair of singularities next to the failure cancelled, or
   /// with the features there released. \fails cancelled
   [[nodiscard]] Expected<Outcome> map_field(const Connection<double>& connection, FieldSurgery& surgery,
@@ -159,6 +193,10 @@ class AttemptRun {
       if (!mend_) return Outcome::tangled;
       if (attempt_.keeps_features && is_noise(static_cast<Index>(trouble.size()), mesh_.face_count()))
         return Outcome::noisy;
+      if (!budget.spent(Work::maps) && release_loops(trouble)) {
+        --mended;
+        continue;
+      }
       const bool last = mended == mends;
       if (!budget.spent(Work::maps) && release_near(mesh_, trouble, piece_.kept)) {
         if (last) return Outcome::tangled;
@@ -195,6 +233,7 @@ class AttemptRun {
     SeamlessOptions seamless;
     seamless.quads = shared_.quads;
     seamless.kept = piece_.kept;
+    seamless.loops = loops_;
     seamless.accept_defects = true;
     seamless.solver = options_.solver;
     Expected<SeamlessMap> map =
@@ -247,16 +286,25 @@ class AttemptRun {
         return Outcome::unmappable;
       }
     for (const std::string& reason : on_the_way_) leave(reason);
-    const double least = made.least;
+    Landing landing(surface_mesh(), surface_marks(), shared_.edge, options_.polish, context_);
+    const Coverage covered = landing.run(made.quads, made.least);
+    lap(result_.seconds.polish);
+    const double least = made.least, farthest = covered.farthest / shared_.edge;
     result_.found = FoundQuads{std::move(made),
                                surface_mesh(),
                                surface_marks(),
                                mirror,
                                piece_.source.empty() ? piece_.parent : shared_.original.parent,
+                               std::move(landing.landed),
+                               farthest,
                                field.singularities.plus + field.singularities.minus,
                                field.report,
                                strain_,
                                std::move(map_)};
+    if (farthest > ComponentReport::most_edges_off) {
+      leave("a point " + std::to_string(farthest).substr(0, 4) + " edges of quads off them");
+      return Outcome::uncovered;
+    }
     if (least > fine_enough) return Outcome::good;
     leave("least scaled Jacobian " + std::to_string(least).substr(0, 4));
     return Outcome::poor;
@@ -279,7 +327,8 @@ class AttemptRun {
   Context& context_;
   const SolverFactory<double> real_solver_ = options_.solver.factory<double>();
   AttemptResult result_;
-  MapStrain strain_;  // of the map that came out
+  MapStrain strain_;             // of the map that came out
+  std::vector<FaceLoop> loops_;  // that quads are to close along
   std::optional<ComponentMap> map_;
   std::vector<std::string> on_the_way_;  // what the map that came out was preceded by
   Stopwatch watch_;

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <iomanip>
 #include <numeric>
+#include <sstream>
 
 #include "quadrig/constraints/gradation.hpp"
 #include "quadrig/dominance.hpp"
@@ -10,6 +12,7 @@
 #include "quadrig/pipeline/halves.hpp"
 #include "quadrig/pipeline/shares.hpp"
 #include "quadrig/quads/topology.hpp"
+#include "quadrig/quality/coverage.hpp"
 
 namespace quadrig {
 
@@ -20,10 +23,16 @@ QUADRIG_INLINE Status RemeshOptions::validate() const {
   if (quads < 6) return bad("quads", "too few to close a surface", "give 6 or more");
   if (quads > 50'000'000) return bad("quads", "too many", "give at most 50000000");
   if (influences < 1) return bad("influences", "a vertex needs at least one", "give 1 or more");
+  if (loops.least < 0) return bad("loops.least", "negative", "give 0 or more");
+  for (const LoopOptions::OfJoint& one : loops.of_joints)
+    if (one.loops < 0 || one.name.empty())
+      return bad("loops.of_joints", one.name.empty() ? "a joint without a name" : "negative for " + one.name,
+                 "give a name and 0 or more");
   if (!(count_tolerance > 0)) return bad("count_tolerance", "not positive", "give a fraction such as 0.05");
   if (!(bend_degrees > 0 && bend_degrees < 180))
     return bad("bend_degrees", "out of range", "give an angle in (0, 180)");
-  if (!(crease_angle_radians > 0)) return bad("crease_angle_radians", "not positive", "give an angle in radians");
+  if (crease_angle_radians && !(*crease_angle_radians > 0))
+    return bad("crease_angle_radians", "not positive", "give an angle in radians");
   if (!(directions.posed >= 0)) return bad("directions.posed", "negative", "give 0 or more");
   if (const Status status = fit.validate(); !status.ok()) return status;
   if (const Status status = polish.validate(); !status.ok()) return status;
@@ -324,7 +333,7 @@ class Remesher {
   [[nodiscard]] double size_of(Index face) const { return sized() ? sizes_.density[at(face)] : 1.0; }
 
   /// Components, what the plane does to each, and the share of the count that each is due.
-  [[nodiscard]] Status plan(const EdgeMarks& kept, std::vector<double>& due) {
+  [[nodiscard]] Status plan(const EdgeMarks& kept, std::vector<double>& due, std::vector<double>& least) {
     const Components components = face_components(mesh_);
     faces_.resize(at(components.count));
     for (Index f = 0; f < mesh_.face_count(); ++f) faces_[at(components.of_face[at(f)])].push_back(f);
@@ -344,15 +353,18 @@ class Remesher {
       const auto from = mirror_[c].role == MirrorRole::second ? at(mirror_[c].other) : c;
       for (const Index f : faces_[from]) share[c] += mesh_.area(f) * size_of(f);
     }
-    due = quads_due(share, options_.quads);
+    least.assign(share.size(), least_quads);
+    for (Index h = 0; h < mesh_.halfedge_count(); ++h)
+      if (mesh_.twin(h) == no_index) least[at(components.of_face[at(h / 3)])] = least_of_sheet;
+    due = quads_due(share, options_.quads, least);
     return {};
   }
 
   /// Each component with its share of the count.
   [[nodiscard]] Status remesh_parts(const Connection<double>& connection) {
-    const EdgeMarks kept = kept_edges(mesh_, options_);
-    std::vector<double> due;
-    if (Status status = plan(kept, due); !status.ok()) return status;
+    const EdgeMarks kept = kept_edges(asset_, options_);
+    std::vector<double> due, least;
+    if (Status status = plan(kept, due, least); !status.ok()) return status;
     const OwnDirections given = own_directions();
     const RemeshShared shared{asset_,
                               connection,
@@ -412,7 +424,7 @@ class Remesher {
     for (const Part& part : parts_) got.push_back((*part)->mesh.quad_count());
     double missed = static_cast<double>(std::accumulate(got.begin(), got.end(), Index{0})) - options_.quads;
     if (parts_.size() == 1) return {};
-    auto again = asked_again(due, got, missed, 0.8 * options_.count_tolerance * options_.quads);
+    auto again = asked_again(due, got, least, missed, 0.8 * options_.count_tolerance * options_.quads);
     std::erase_if(again, [&](const auto& each) { return mirror_[each.first].role != MirrorRole::whole; });
     std::vector<Part> others(again.size());
     context_.parallel_for(again.size(), 1, [&](std::size_t begin, std::size_t end) {
@@ -517,6 +529,7 @@ class Remesher {
       ComponentResult& part = **slot;
       const Index n = part.mesh.vertex_count(), m = part.mesh.quad_count();
       std::copy(part.held.begin(), part.held.end(), quads_.on_features.begin() + first_vertex);
+      std::copy(part.landed.begin(), part.landed.end(), quads_.held.begin() + first_vertex);
       first_of.push_back(first_vertex);
       count_mirrored(first_of, part);
       out.positions.middleRows(first_vertex, n) = part.mesh.positions;
@@ -607,6 +620,8 @@ class Finisher {
     context_.progress("fit", parts_done);
     if (Status status = finish(); !status.ok()) return status.error();
     RemeshReport& report = quads_.report;
+    measure_coverage(report);
+    if (context_.cancelled()) return cancelled_error("check of the result");
     sum_up(report);
     for (const Warning& warning : report.warnings) context_.warnings.push_back(warning);
     report.seconds.total += total.seconds();
@@ -726,6 +741,65 @@ class Finisher {
     return held;
   }
 
+  /// What each component's quads, which lie one component after the other, leave out of it.
+  void measure_coverage(RemeshReport& report) const {
+    const Components components = face_components(mesh_);
+    std::vector<std::vector<Index>> faces(at(components.count));
+    for (Index f = 0; f < mesh_.face_count(); ++f) faces[at(components.of_face[at(f)])].push_back(f);
+    std::vector<Index> first{0};
+    for (const ComponentReport& part : report.components) first.push_back(first.back() + part.quads);
+    const auto measure = [&](std::size_t c, const Context& context) {
+      ComponentReport& part = report.components[c];
+      const QuadMesh& quads = quads_.mesh;
+      double area = 0, quad_area = 0;
+      for (const Index f : faces[c]) area += mesh_.area(f);
+      part.edge = std::sqrt(area / part.quads);
+      const Quads own = quads.quads.middleRows(first[c], part.quads);
+      for (Index q = 0; q < part.quads; ++q) {
+        const auto corner = [&](int i) { return Vector3(quads.positions.row(own(q, i)).transpose()); };
+        quad_area += (corner(2) - corner(0)).cross(corner(3) - corner(1)).norm() / 2;
+      }
+      const double bound = ComponentReport::most_edges_off * part.edge;
+      const Coverage covered = coverage(mesh_, faces[c], quads.positions, own, bound, context);
+      const Stray strays = stray(mesh_, faces[c], quads, first[c], part.quads, bound, context);
+      const bool bulges = strays.farthest > covered.farthest;
+      part.farthest = bulges ? strays.farthest : covered.farthest;
+      part.farthest_place = bulges ? strays.place : covered.place;
+      part.share_missed = covered.share_beyond;
+      part.area_ratio = area > 0 ? quad_area / area : 1;
+    };
+    if (faces.size() == 1) return measure(0, context_);
+    context_.parallel_for(faces.size(), 1, [&](std::size_t begin, std::size_t end) {
+      const Context quiet = context_.quiet(1);
+      for (std::size_t c = begin; c < end && !quiet.cancelled(); ++c) measure(c, quiet);
+    });
+  }
+
+  static constexpr Index most_named = 20;  // components, of each fault
+
+  /// Which parts lost something, where and how much.
+  void warn_of_misses(RemeshReport& report) const {
+    Index missing = 0;
+    for (std::size_t c = 0; c < report.components.size(); ++c) {
+      const ComponentReport& part = report.components[c];
+      if (!part.misses() || ++missing > most_named) continue;
+      const auto number = [](double x) {
+        std::ostringstream text;
+        text << std::setprecision(3) << x;
+        return text.str();
+      };
+      const Vector3& p = part.farthest_place;
+      report.warnings.push_back(
+          {"coverage", "component " + std::to_string(c) + ": the surface at (" + number(p[0]) + ", " + number(p[1]) +
+                           ", " + number(p[2]) + ") lies " + number(part.farthest / part.edge) +
+                           " edges of a quad from the quads, and " + number(100 * part.share_missed) +
+                           " % of its area more than one; ask for more quads"});
+    }
+    if (missing > most_named)
+      report.warnings.push_back({"coverage", std::to_string(missing - most_named) +
+                                                 " more components lie farther than an edge from the quads"});
+  }
+
   /// Figures and warnings of the report.
   void sum_up(RemeshReport& report) const {
     double sum = 0;
@@ -738,7 +812,15 @@ class Finisher {
       turned += turned_over(mesh_, quads_.mesh, q);
     }
     report.scaled_jacobian_average = report.quads > 0 ? sum / report.quads : 0;
-    if (report.quads > options_.quads * (1 + options_.count_tolerance)) report.minimum_count = report.quads;
+    if (report.quads > options_.quads * (1 + options_.count_tolerance)) {
+      report.minimum_count = report.quads;
+      report.warnings.push_back(
+          {"count", std::to_string(report.quads) + " quads where " + std::to_string(options_.quads) +
+                        " were asked for: fewer that fit this surface" +
+                        (report.components.size() > 1 ? " of " + std::to_string(report.components.size()) + " parts"
+                                                      : std::string()) +
+                        " were not found"});
+    }
     if (report.quads < options_.quads * (1 - options_.count_tolerance))
       report.warnings.push_back({"remesh", std::to_string(report.quads) + " quads where " +
                                                std::to_string(options_.quads) +
@@ -746,17 +828,23 @@ class Finisher {
     if (turned > 0)
       report.warnings.push_back({"remesh", std::to_string(turned) + (turned == 1 ? " quad is" : " quads are") +
                                                " folded over on the surface; another count may help"});
+    warn_of_misses(report);
     double kept_length = 0, kept_as_quads = 0;
+    Index split = 0;
     for (std::size_t c = 0; c < report.components.size(); ++c) {
       const ComponentReport& part = report.components[c];
       kept_length += part.kept_length;
       kept_as_quads += part.kept_as_quads;
-      if (part.rung == Rung::split)
+      if (part.rung == Rung::split && ++split <= most_named)
         report.warnings.push_back(
             {"remesh", "component " + std::to_string(c) + ": no valid map, split from triangles (" +
                            (part.reasons.empty() ? std::string("no attempt") : part.reasons.back()) + ")"});
     }
-    if (kept_as_quads < 0.99 * kept_length)
+    if (split > most_named)
+      report.warnings.push_back(
+          {"remesh", std::to_string(split - most_named) + " more components were split from triangles"});
+    // Of creases that nobody asked for only what is missed without them counts.
+    if (asks_for_features(options_) && kept_as_quads < 0.99 * kept_length)
       report.warnings.push_back(
           {"remesh", std::to_string(static_cast<int>(100 * (1 - kept_as_quads / kept_length) + 0.5)) +
                          " % of the length of creases and features are no edges of quads; more quads may help"});
@@ -787,7 +875,14 @@ QUADRIG_INLINE Expected<RemeshResult> fit_and_skin(const Asset& asset, const Rem
 QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOptions& options, Context& context) {
   Expected<UnfittedQuads> quads = remesh_unfitted(asset, options, context);
   if (!quads) return quads.error();
-  return fit_and_skin(asset, options, std::move(*quads), context);
+  Expected<RemeshResult> result = fit_and_skin(asset, options, std::move(*quads), context);
+  if (result && result->weights)
+    if (const std::optional<std::string> lacking =
+            report_hinges(result->mesh, asset.rig->skeleton, *result->weights, options, result->report)) {
+      result->report.warnings.push_back({"remesh", *lacking});
+      context.warnings.push_back(result->report.warnings.back());
+    }
+  return result;
 }
 
 }  // namespace quadrig

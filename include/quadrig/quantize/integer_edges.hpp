@@ -147,8 +147,9 @@ class IntegerEdges {
     const auto states = 4 * omega_.size();
     ring_effect_.assign(rings_.size() * states, 0);
     for (std::size_t ring = 0; ring < rings_.size(); ++ring) {
+      constexpr double demanded = 50;  // times as much: more than any bend is worth
       const double length = scale * rings_[ring].length;
-      ring_weight_.push_back(slope / (length * length));
+      ring_weight_.push_back((rings_[ring].closed() ? demanded : 1) * slope / (length * length));
       for (const auto& [h, turn] : rings_[ring].walk)
         for (int a = 0; a < 4; ++a) {
           const Gaussian gain = axis(a + turn);

@@ -13,6 +13,8 @@ struct Ring {
   int axis = 0;       ///< of the line in that chart: 0 for U, 1 for V
   double length = 0;  ///< once round: the translation along the line
   double pitch = 0;   ///< and to the left of it: how far beside its beginning it comes back
+  /// Whether the map closes it, as it does where it was asked to: then quads have to.
+  [[nodiscard]] bool closed() const { return std::abs(pitch) < 1e-6 * length; }
 
   template <class T>
   [[nodiscard]] T across(const T& u, const T& v) const {
@@ -26,7 +28,7 @@ struct Ring {
 [[nodiscard]] inline std::vector<Ring> near_rings(const CoarseMap& map, double quad, double most_pitch) {
   constexpr double shortest = 2.5, longest = 120;  // quads
   constexpr int most_crossings = 400;
-  constexpr std::size_t most_rings = 200;
+  constexpr std::size_t most_rings = 200;  // beside those that are closed
   const auto next = [](Index h) { return h % 3 == 2 ? h - 2 : h + 1; };
   const auto prev = [](Index h) { return h % 3 == 0 ? h + 2 : h - 1; };
   const auto turned = [](Complex c, int k) { return rotated(c, k & 3); };
@@ -36,8 +38,9 @@ struct Ring {
   };
   std::vector<Ring> rings;
   std::vector<std::vector<Index>> vertices;  // of the walks, ascending
+  std::size_t open = 0;
   for (Index start = 0; start < map.face_count(); ++start)
-    for (int axis = 0; axis < 2 && rings.size() < most_rings; ++axis) {
+    for (int axis = 0; axis < 2; ++axis) {
       const Complex middle = (corner(3 * start + 1) + corner(3 * start + 2)) / 3.0;
       Complex point = middle, direction = turned(1, axis);
       Index face = start, entry = no_index;
@@ -68,7 +71,7 @@ struct Ring {
               known = !common.empty() && std::abs(rings[k].length - round) < 1e-6 * round &&
                       std::abs(std::abs(rings[k].pitch) - std::abs(beside)) < 1e-6 * round;
             }
-            if (!known) {
+            if (!known && (ring.closed() || open++ < most_rings)) {
               rings.push_back(std::move(ring));
               vertices.push_back(std::move(passed));
             }

@@ -5,6 +5,7 @@
 
 #include "quadrig/seamless/aligned_edges.hpp"
 #include "quadrig/seamless/measure_strain.hpp"
+#include "quadrig/seamless/closed_loops.hpp"
 #include "quadrig/seamless/target.hpp"
 #include "quadrig/seamless/untangle.hpp"
 
@@ -16,6 +17,8 @@ struct SeamlessOptions {
   /// Edges along which the map is to be straight where the field follows them, marks of the mesh; empty: none. The
   /// border always is.
   EdgeMarks kept{};
+  /// Loops that quads are to close along, where the field turns by nothing along them.
+  std::vector<FaceLoop> loops{};
   /// Further solves in which lengths give way to directions. Few: the sizes of this map decide how many quads go where.
   int straightenings = 1;
   /// Returns a map that keeps defects as it is, with them in its report; else it is an error.
@@ -31,6 +34,7 @@ struct SeamlessReport {
   MapStrain strain;                ///< of a valid map
   std::vector<Index> trouble;      ///< where the map keeps defects: faces at which the last solve had them
   std::vector<std::string> tries;  ///< of every solve whose map kept defects, what they were
+  std::vector<char> closed;        ///< of each of the loops whether the map closes along it
   std::string target_backend, map_backend, untangling_backend;  ///< what solved, in words; empty where nothing was to
 };
 

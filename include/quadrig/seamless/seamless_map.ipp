@@ -145,14 +145,34 @@ QUADRIG_INLINE Expected<SeamlessMap> seamless_map(const TriangleMesh<double>& me
   TargetEdges target = target_edges(mesh, connection, cut, frames.u, frames.v);
   if (stopped()) return cancelled_error("seamless map");
 
+  std::vector<LoopDemand> demands;
+  std::vector<char> closed;
+  for (const FaceLoop& loop : options.loops) {
+    std::optional<LoopDemand> demand;
+    if (quarter_turns(mesh, matching, loop) == 0) demand = loop_demand(mesh, cut, target, loop);
+    closed.push_back(demand.has_value());
+    if (demand) demands.push_back(std::move(*demand));
+  }
+
   const auto solved = [&]<class K>(std::type_identity<K>) -> Expected<SeamlessMap> {
     Expected<MapUnknowns<K>> unknowns = MapUnknowns<K>::create(mesh, cut, singularities.index4, aligned, &context);
     if (!unknowns) return unknowns.error();
     if (stopped()) return cancelled_error("seamless map");
     SeamlessMap map{
         std::move(cut), singularities.index4, std::move(aligned), std::move(target), {}, std::move(*unknowns), {}};
-    detail::SeamlessSolver<K> solver(mesh, std::get<MapUnknowns<K>>(map.unknowns), options, map, context, budget);
-    if (Status status = solver.run(); !status.ok()) return status.error();
+    map.report.closed = std::move(closed);
+    const auto solve = [&]<class Unknown>(const MapUnknowns<Unknown>& among) {
+      return detail::SeamlessSolver<Unknown>(mesh, among, options, map, context, budget).run();
+    };
+    if (demands.empty()) {
+      if (Status status = solve(std::get<MapUnknowns<K>>(map.unknowns)); !status.ok()) return status.error();
+      return map;
+    }
+    // Integers that close the loops too need no row for it: what comes after goes by the unknowns without.
+    Expected<MapUnknowns<double>> held =
+        MapUnknowns<double>::create(mesh, map.cut, singularities.index4, map.aligned, &context, demands);
+    if (!held) return held.error();
+    if (Status status = solve(*held); !status.ok()) return status.error();
     return map;
   };
   const bool pinned = std::any_of(aligned.begin(), aligned.end(), [](Aligned a) { return a != Aligned::none; });

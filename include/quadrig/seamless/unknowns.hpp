@@ -12,6 +12,13 @@ namespace quadrig {
 /// Which parameter is constant along a half-edge of the border or of a crease, in the chart of its own face.
 enum class Aligned : std::int8_t { none, v_constant, u_constant };
 
+/// What a map owes a closed way over its faces: that the translation once round has no such component, in the chart
+/// where it begins.
+struct LoopDemand {
+  LinearExpression<Gaussian> translation;  ///< over the branches of the cut
+  int component = 1;                       ///< 0: U, 1: V
+};
+
 /// The ring of exact coefficients and the field of the solve: Z[i] and complex numbers where only whole points are
 /// constrained; Z and reals, two a point, once alignment pins one coordinate alone.
 template <class K>
@@ -27,12 +34,14 @@ class MapUnknowns {
   using Kind = typename Elimination<R>::Kind;
   static constexpr int components = std::is_same_v<K, Complex> ? 1 : 2;
 
-  /// \pre for K = Complex nothing is aligned
+  /// \param loops whose translation is to have no component across them; one that contradicts the rest does nothing
+  /// \pre for K = Complex nothing is aligned, and there are no loops
   /// \fails stage_failed where the constraints contradict each other; cancelled, where there is a context to ask.
   [[nodiscard]] static Expected<MapUnknowns> create(const TriangleMesh<double>& mesh, const CutGraph& cut,
                                                     const std::vector<Index>& index,
                                                     const std::vector<Aligned>& aligned,
-                                                    const Context* context = nullptr) {
+                                                    const Context* context = nullptr,
+                                                    std::span<const LoopDemand> loops = {}) {
     using detail::at;
     const Index n = mesh.vertex_count();
     const Index points = n + cut.branch_count;
@@ -102,6 +111,13 @@ class MapUnknowns {
           if (!result.elimination_.add(
                   result.project(result.edge_expression(mesh, cut, h), aligned[at(h)] == Aligned::v_constant ? 1 : 0)))
             return contradiction;
+
+    if constexpr (components == 2)
+      for (const LoopDemand& loop : loops) {
+        LinearExpression<Gaussian> row = loop.translation;
+        for (auto& term : row) term.variable += n;
+        (void)result.elimination_.add(result.project(row, loop.component));  // else the map is as it would be without
+      }
 
     if (!result.index_corners(mesh, cut, context)) return cancelled_error("seamless map");
     return result;

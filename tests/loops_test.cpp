@@ -1,0 +1,159 @@
+#include <numeric>
+
+#include "quadrig/field/bands.hpp"
+#include "quadrig/field/loops.hpp"
+#include "quadrig/pipeline.hpp"
+#include "quadrig/quantize.hpp"
+#include "quadrig/quantize/rings.hpp"
+#include "quadrig/samples.hpp"
+#include "quadrig/seamless.hpp"
+#include "test.hpp"
+
+using namespace quadrig;
+using namespace quadrig::test;
+
+namespace {
+
+using quadrig::detail::at;
+
+Asset limbs(std::string_view name, Index triangles) {
+  Context context;
+  return make_sample(name, triangles, context).value();
+}
+
+struct LimbField {
+  Asset asset;
+  Connection<double> connection;
+  FieldResult field;
+  std::vector<Hinge> hinges;
+};
+LimbField limb_field(std::string_view name) {
+  Context context;
+  Asset asset = limbs(name, 6000);
+  Connection<double> connection(asset.mesh);
+  FieldOptions options;
+  options.quad_edge = std::sqrt(asset.mesh.total_area() / 2000);
+  FieldResult field = design_field(asset, connection, options, context).value();
+  RepairOptions repair;
+  repair.edge = options.quad_edge;
+  repair.quads = 2000;
+  field = repair_singularities(asset.mesh, std::move(field), repair, context).value();
+  std::vector<Hinge> hinges = find_hinges(asset.mesh, *asset.rig);
+  return {std::move(asset), std::move(connection), std::move(field), std::move(hinges)};
+}
+
+std::vector<FaceLoop> loops_of(const std::vector<Hinge>& hinges) {
+  std::vector<FaceLoop> loops;
+  for (const Hinge& hinge : hinges) loops.push_back(hinge.loop);
+  return loops;
+}
+
+}  // namespace
+
+TEST_CASE("loops: a level curve is closed, and what is above it lies to its left", "[loops][fast]") {
+  const Asset asset = limbs("pear", 2000);
+  const TriangleMesh<double>& mesh = asset.mesh;
+  const Eigen::VectorXd axis = mesh.positions().rowwise().norm();
+  const std::vector<double> height(axis.data(), axis.data() + axis.size());
+  const double level = 0.5 * (axis.minCoeff() + axis.maxCoeff());
+  const std::vector<FaceLoop> loops = level_loops(mesh, height, level);
+  REQUIRE(!loops.empty());
+  for (const FaceLoop& loop : loops)
+    for (std::size_t k = 0; k < loop.crossed.size(); ++k) {
+      const Index h = loop.crossed[k], after = loop.crossed[(k + 1) % loop.crossed.size()];
+      CHECK(mesh.twin(h) / 3 == after / 3);
+      CHECK(crossing(mesh, loop, k).norm() == Approx(level).epsilon(0.05));
+      CHECK(height[at(mesh.target(h))] >= level);
+    }
+  for (const BesideLoop& beside : vertices_beside(mesh, loops[0], 0.2 * axis.maxCoeff()))
+    CHECK((height[at(beside.vertex)] >= level) == (beside.distance > 0));
+}
+
+TEST_CASE("loops: every joint of a limb is a hinge, once", "[loops][fast]") {
+  const Asset asset = limbs("humanoid", 6000);
+  const std::vector<Hinge> hinges = find_hinges(asset.mesh, *asset.rig);
+  std::vector<Index> bones;
+  for (const Hinge& hinge : hinges) {
+    bones.push_back(hinge.bone);
+    CHECK(hinge.length > 0);
+    CHECK(hinge.bend >= 0.99 * hinge.length / (2 * std::numbers::pi));
+  }
+  CHECK(std::adjacent_find(bones.begin(), bones.end()) == bones.end());
+  CHECK(hinges.size() >= 8);  // elbows, wrists, knees, ankles at least
+}
+
+TEST_CASE("loops: turns are four less the indices to the left", "[loops][fast]") {
+  const LimbField c = limb_field("humanoid");
+  const TriangleMesh<double>& mesh = c.asset.mesh;
+  REQUIRE(mesh.closed());
+  for (const Hinge& hinge : c.hinges) {
+    std::vector<char> barred(at(mesh.halfedge_count()), 0), left(at(mesh.vertex_count()), 0);
+    std::vector<Index> open;
+    for (const Index h : hinge.loop.crossed) {
+      barred[at(h)] = barred[at(mesh.twin(h))] = 1;
+      if (!std::exchange(left[at(mesh.target(h))], char{1})) open.push_back(mesh.target(h));
+    }
+    Index sum = 0;
+    for (std::size_t k = 0; k < open.size(); ++k) {
+      sum += c.field.singularities.index4[at(open[k])];
+      for (const Index h : mesh.around(open[k]))
+        if (!barred[at(h)] && !std::exchange(left[at(mesh.target(h))], char{1})) open.push_back(mesh.target(h));
+    }
+    CHECK(quarter_turns(mesh, c.field.matching, hinge.loop) == 4 - sum);
+  }
+}
+
+TEST_CASE("loops: the translation across a loop that a map is to close is 0", "[loops]") {
+  const LimbField c = limb_field("humanoid");
+  Context context;
+  SeamlessOptions options;
+  options.quads = 2000;
+  const SeamlessMap free = seamless_map(c.asset.mesh, c.connection, c.field, options, context).value();
+  options.loops = loops_of(c.hinges);
+  const SeamlessMap map = seamless_map(c.asset.mesh, c.connection, c.field, options, context).value();
+  REQUIRE(map.valid());
+  REQUIRE(map.report.closed.size() == options.loops.size());
+  Index closed = 0, were = 0;
+  for (std::size_t k = 0; k < options.loops.size(); ++k) {
+    if (!map.report.closed[k]) continue;
+    CHECK(quarter_turns(c.asset.mesh, c.field.matching, options.loops[k]) == 0);
+    const auto across = [&](const SeamlessMap& of) {
+      const Complex t = loop_translation(c.asset.mesh, of.cut, of.z, options.loops[k]);
+      return std::min(std::abs(t.real()), std::abs(t.imag()));
+    };
+    CHECK(across(map) < 1e-9);
+    ++closed;
+    were += across(free) < 1e-9;
+  }
+  CHECK(closed >= 8);
+  CHECK(were < closed);
+  // Lines of the coarse map come back to where they began, and integers keep that.
+  const CoarseMap coarse = decimate_map(c.asset.mesh, map.cut, map.index4, map.aligned, map.z);
+  const std::vector<detail::Ring> rings = detail::near_rings(coarse, 1, 1.5);
+  CHECK(std::ranges::count_if(rings, &detail::Ring::closed) >= 4);
+}
+
+TEST_CASE("loops: a limb has closed rings at its joint at every count", "[loops][pipeline]") {
+  const Asset asset = limbs("pear", 4000);
+  for (const Index quads : {400, 700, 1100, 1700}) {
+    Context context;
+    RemeshOptions options;
+    options.quads = quads;
+    const RemeshResult result = remesh(asset, options, context).value();
+    REQUIRE(result.report.hinges.size() == 1);
+    CHECK(result.report.hinges[0].rings.loops >= 3);
+    CHECK(result.report.hinges[0].rings.around >= 6);
+  }
+}
+
+TEST_CASE("loops: what is wanted goes by the name of the joint", "[loops][fast]") {
+  LoopOptions options;
+  options.of_joints = {{"elbow*", 5}, {"*.R", 2}, {"knee.L", 0}};
+  CHECK(options.of("hip.L") == 3);
+  CHECK(options.of("elbow.L") == 5);
+  CHECK(options.of("elbow.R") == 2);
+  CHECK(options.of("knee.L") == 0);
+  CHECK(options.of("knee.LL") == 3);
+  CHECK(LoopOptions::matches("lower_arm.L", "*arm*"));
+  CHECK(!LoopOptions::matches("lower_arm.L", "*leg*"));
+}
