@@ -1,6 +1,7 @@
 #include "quadrig/fit.hpp"
 
 #include "quadrig/closest.hpp"
+#include "quadrig/subdivision.hpp"
 #include "surfaces.hpp"
 #include "test.hpp"
 
@@ -296,4 +297,53 @@ TEST_CASE("fit: the same bits at any number of threads; a cancelled fit says so;
     CHECK(made.error().code == ErrorCode::bad_option);
     CHECK(made.error().where.starts_with("fit."));
   }
+}
+
+TEST_CASE("fit: the limit surface of a cage lies on a tube, and its borders on the tube's", "[fit][fast]") {
+  if (!can_subdivide()) {
+    WARN("skipped: built without OpenSubdiv");
+    return;
+  }
+  const Tube tube;
+  Context context;
+  const auto limit = [&](const QuadMesh& cage) {
+    const Expected<Subdivision> s = subdivide(cage.quads, cage.vertex_count());
+    REQUIRE(s);
+    return QuadMesh{s->stencils * cage.positions, s->quads, {}};
+  };
+  const Expected<FittedQuads> fitted = fit(tube.mesh, tube.quads, {}, {}, {.method = FitMethod::subdivision}, context);
+  REQUIRE(fitted);
+  const QuadMesh before = limit(tube.quads), after = limit(fitted->mesh);
+  CHECK(straying(tube, after) < 0.1 * straying(tube, before));
+  CHECK(straying(tube, after) < 0.2 * straying(tube, tube.quads));
+  double border = 0;
+  for (Eigen::Index v = 0; v < after.positions.rows(); ++v) {
+    const Vector3 p = after.positions.row(v).transpose();
+    if (p.x() > 0.1) continue;
+    border = std::max({border, std::abs(p.x()), std::abs(std::hypot(p.y(), p.z()) - 1)});
+  }
+  CHECK(border < 0.01);
+}
+
+TEST_CASE("fit: a bent cage follows the bent tube once it is subdivided", "[fit][fast]") {
+  if (!can_subdivide()) {
+    WARN("skipped: built without OpenSubdiv");
+    return;
+  }
+  const Tube tube;
+  const SkinWeights weights = tube.two_bones();
+  const std::vector<Pose> poses{bent(60), bent(-60)};
+  Context context;
+  const auto posed_error = [&](FitMethod method) {
+    FitMotion motion;
+    motion.weights = &weights;
+    motion.poses = poses;
+    const Expected<FittedQuads> fitted = fit(tube.mesh, tube.quads, motion, {}, {.method = method}, context);
+    REQUIRE(fitted);
+    const Expected<Subdivision> s = subdivide(fitted->mesh.quads, fitted->mesh.vertex_count());
+    REQUIRE(s);
+    const QuadMesh drawn{s->stencils * skin(fitted->mesh.positions, *fitted->weights, poses[0]), s->quads, {}};
+    return straying(skin(tube.mesh.positions(), weights, poses[0]), tube.mesh.positions(), drawn);
+  };
+  CHECK(posed_error(FitMethod::subdivision) < 0.4 * posed_error(FitMethod::surface));
 }

@@ -3,6 +3,7 @@
 
 #include "gltf_tube.hpp"
 #include "quadrig/gltf.hpp"
+#include "quadrig/samples.hpp"
 #include "test.hpp"
 
 using namespace quadrig;
@@ -27,15 +28,19 @@ struct Character {
   }
 };
 
-Character made(const Tube& tube, Index quads) {
+Character made(const std::string& file, const GltfRemeshOptions& options) {
   Context context;
-  Expected<GltfDocument> document = GltfDocument::parse(tube_file(tube), "tube.glb", {}, context);
+  Expected<GltfDocument> document = GltfDocument::parse(file, "tube.glb", {}, context);
   REQUIRE(document.has_value());
-  GltfRemeshOptions options;
-  options.remesh.quads = quads;
   Expected<std::vector<GltfRemeshed>> surfaces = remesh_gltf(*document, options, context);
   if (!surfaces) FAIL(surfaces.error().message());
   return {std::move(*document), std::move(*surfaces)};
+}
+
+Character made(const Tube& tube, Index quads) {
+  GltfRemeshOptions options;
+  options.remesh.quads = quads;
+  return made(tube_file(tube), options);
 }
 
 }  // namespace
@@ -173,4 +178,88 @@ TEST_CASE("gltf characters: flat shading comes out flat, smooth normals stay the
       ++seen;
     }
   CHECK(seen > 250);
+}
+
+TEST_CASE("gltf characters: quads of a field have the hard edges of the file, and none beside", "[gltf][fast]") {
+  GltfRemeshOptions options;
+  options.topology = GltfTopology::field;
+  options.remesh.quads = 300;
+  const Character done = made(tube_file({.sides = 24, .rings = 24, .two_materials = false, .normals = true}), options);
+  const GltfVertices one = vertices_with(done.document, "NORMAL").front();
+  std::map<std::array<double, 3>, std::vector<Vector3>> at;
+  for (Eigen::Index v = 0; v < one.positions.rows(); ++v)
+    at[{one.positions(v, 0), one.positions(v, 1), one.positions(v, 2)}].push_back(one.values.row(v).transpose());
+  Index rim = 0, parted = 0;
+  for (const auto& [place, normals] : at) {
+    const double height = place[1], radius = std::hypot(place[0], place[2]);
+    const bool on_rim = std::abs(std::abs(height - 1) - 1) < 0.02 && radius > 0.23;
+    bool parts = false;
+    for (const Vector3& n : normals) parts = parts || n.dot(normals.front()) < 0.3;
+    rim += on_rim;
+    parted += on_rim && parts;
+    if (!on_rim && radius < 0.2) CHECK_FALSE(parts);
+    if (std::abs(height - 1) < 0.8) {
+      CHECK_FALSE(parts);
+      for (const Vector3& n : normals) CHECK(std::abs(n.y()) < 0.2);
+    }
+  }
+  CHECK(rim >= 12);
+  CHECK(parted == rim);
+}
+
+TEST_CASE("gltf characters: normals of the author are carried over, others made anew", "[gltf][fast]") {
+  GltfRemeshOptions options;
+  options.topology = GltfTopology::field;
+  options.remesh.quads = 200;
+  const auto least_up = [&](const Tube& tube, GltfNormals normals, Index kept) {
+    options.normals = normals;
+    const Character done = made(tube_file(tube), options);
+    CHECK(done.surfaces.front().kept_normals == kept);
+    double least = 1;
+    for (const GltfVertices& one : vertices_with(done.document, "NORMAL"))
+      least = std::min(least, one.values.col(1).minCoeff());
+    return least;
+  };
+  CHECK(least_up({.upward = true}, GltfNormals::automatic, 1) > 0.999);
+  CHECK(least_up({.upward = true}, GltfNormals::keep, 1) > 0.999);
+  CHECK(least_up({.upward = true}, GltfNormals::fresh, 0) < 0.2);
+  CHECK(least_up({.normals = true}, GltfNormals::automatic, 0) < -0.9);
+}
+
+TEST_CASE("gltf characters: brows and lashes stay over a coarse face, in each morph target", "[gltf][slow]") {
+  Context context;
+  const std::string file = make_sample_glb("head", 8000, context).value();
+  GltfRemeshOptions options;
+  options.remesh.quads = 1000;
+  const Character done = made(file, options);
+  CHECK(done.surfaces.front().moved_vertices > 0);
+  for (int target = 0; target < 6; ++target)
+    for (const double strength : {0.0, 1.0}) {
+      const auto primitives = vertices_with(done.document, "targets[" + std::to_string(target) + "].POSITION");
+      const auto place = [&](const GltfVertices& of, Index v) {
+        return Vector3((of.positions.row(v) + strength * of.values.row(v)).transpose());
+      };
+      // Rays from brows to the front meet no skin.
+      const GltfVertices &skin = primitives[0], &sheets = primitives[2];
+      Index brows = 0, covered = 0;
+      for (Index v = 0; v < static_cast<Index>(sheets.positions.rows()); ++v) {
+        const Vector3 p = place(sheets, v);
+        if (sheets.positions(v, 1) < 0.026) continue;
+        ++brows;
+        bool hit = false;
+        for (Index f = 0; f < static_cast<Index>(skin.triangles.rows()) && !hit; ++f) {
+          const Vector3 a = place(skin, skin.triangles(f, 0)), b = place(skin, skin.triangles(f, 1)),
+                        c = place(skin, skin.triangles(f, 2));
+          Eigen::Matrix3d system;
+          system << a.head<2>(), b.head<2>(), c.head<2>(), 1, 1, 1;
+          if (std::abs(system.determinant()) < 1e-12) continue;
+          const Vector3 shares = system.inverse() * Vector3(p.x(), p.y(), 1);
+          hit = shares.minCoeff() > 1e-6 && shares.dot(Vector3(a.z(), b.z(), c.z())) > p.z() + 1e-5;
+        }
+        covered += hit;
+      }
+      INFO("target " << target << " at " << strength);
+      CHECK(brows >= 8);
+      CHECK(covered == 0);
+    }
 }

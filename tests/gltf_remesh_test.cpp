@@ -336,7 +336,7 @@ TEST_CASE("gltf: shells that are due less than a few quads stay as they are", "[
 TEST_CASE("gltf: the bytes of the replaced surface go, and all others stay", "[gltf]") {
   const ScratchFolder folder("gltf-compact");
   Context context;
-  const std::string input = tube_file({.crate = true});
+  const std::string input = tube_file({.crate = true, .normals = true});
   Expected<GltfDocument> document = GltfDocument::parse(input, "tube.glb", {}, context);
   REQUIRE(document.has_value());
   REQUIRE(remesh_gltf(*document, asked(60), context).has_value());

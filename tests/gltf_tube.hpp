@@ -24,6 +24,8 @@ struct Tube {
   bool morph_normals = false;  ///< the morph target has normals
   bool tangents = false;       ///< vertices and the morph target have some, none of them right
   bool loose = false;          ///< the upper joint is no child of the lower, and no scene has it
+  bool normals = false;        ///< smooth along the sides, parted at the caps
+  bool upward = false;         ///< all its normals are y
   bool coloured = false;       ///< the morph target changes texture coordinates, by height
 };
 
@@ -145,6 +147,16 @@ void put(std::string& bytes, T value) {
     for (const float x : {0.6F, 0.8F, 0.0F, -1.0F}) detail::put(wrong, x);
     for (const float x : {0.25F * vertex.y, 0.5F}) detail::put(shifts, x);
   }
+  std::string normals;
+  for (std::size_t v = 0; v < count; ++v) {
+    const Vertex& p = vertices[v];
+    const bool side = v < static_cast<std::size_t>((m + 1) * (n + 1)) && !tube.upward;
+    for (const float x :
+         {side ? 4 * p.x : 0.0F, side ? 0.0F : (p.y > 1 || tube.upward ? 1.0F : -1.0F), side ? 4 * p.z : 0.0F})
+      detail::put(normals, x);
+  }
+  const bool with_normals = tube.normals || tube.upward;
+  const int at_normals = with_normals ? add(normals, count, "VEC3", 5126) : 0;
   const int at_wrong = tube.tangents ? add(wrong, count, "VEC4", 5126) : 0;
   const int at_shifts = tube.coloured ? add(shifts, count, "VEC2", 5126) : 0;
   std::string both[2];
@@ -160,6 +172,7 @@ void put(std::string& bytes, T value) {
         (tube.skinned ? ",\"JOINTS_0\":" + std::to_string(at_joints) + ",\"WEIGHTS_0\":" + std::to_string(at_weights)
                       : std::string()) +
         (tube.tangents ? ",\"TANGENT\":" + std::to_string(at_wrong) : std::string()) +
+        (with_normals ? ",\"NORMAL\":" + std::to_string(at_normals) : std::string()) +
         "},\"indices\":" + std::to_string(indices) + ",\"material\":" + (list == &lower ? "0" : "1") +
         ",\"targets\":[{\"POSITION\":" + std::to_string(at_moved) +
         (tube.morph_normals ? ",\"NORMAL\":" + std::to_string(at_tilts) : std::string()) +

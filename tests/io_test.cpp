@@ -167,7 +167,8 @@ TEST_CASE("obj: each fault is named by line", "[io][obj][fast]") {
   CHECK(starts(fault(folder, "a.obj", "v 0 0 nan\n"), "a.obj:1: 'nan' is not a finite number"));
   CHECK(starts(fault(folder, "a.obj", "v 0 0 1e999\n"), "a.obj:1: '1e999' is not a finite number"));
   CHECK(starts(fault(folder, "a.obj", "v 0 0 1,5\n"), "a.obj:1: '1,5' is not a finite number"));
-  CHECK(starts(fault(folder, "a.obj", "v 0 0 0\nf 1 1\n"), "a.obj:2: a face of 2 corners"));
+  CHECK(starts(fault(folder, "a.obj", "v 0 0 0\nf 1 1\n"), "a.obj: has no faces"));
+  CHECK(starts(fault(folder, "a.obj", "v 0 0 0\nf\n"), "a.obj:2: a face without corners"));
   CHECK(starts(fault(folder, "a.obj", "v 0 0 0\n\nf 1 1 2\n"), "a.obj:3: vertex number 2 does not exist"));
   CHECK(starts(fault(folder, "a.obj", "v 0 0 0\nf 1 1 0\n"), "a.obj:2: vertex number 0 does not exist"));
   CHECK(starts(fault(folder, "a.obj", "v 0 0 0\nf 1 1 -2\n"), "a.obj:2: vertex number -2 does not exist"));
@@ -200,9 +201,9 @@ TEST_CASE("off: each fault is named by line", "[io][off][fast]") {
   CHECK(starts(fault(folder, "a.off", "OFF\n1 99999999 0\n0 0 0\n"), "a.off:2: 1 vertices and 99999999 faces"));
   CHECK(starts(fault(folder, "a.off", "OFF\n2 1 0\n0 0 0\n1 0\n3 0 0 1\n"), "a.off:4: the text ends in vertex 1"));
   CHECK(starts(fault(folder, "a.off", "OFF\n1 1 0\n0 0 0\n3 0 0 1\n"), "a.off:4: '1' is not a vertex number below 1"));
-  CHECK(starts(fault(folder, "a.off", "OFF\n1 1 0\n0 0 0\n4 0 0 0\n"), "a.off:4: a face of 4 corners names 3"));
+  CHECK(starts(fault(folder, "a.off", "OFF\n1 1 0\n0 0 0\n4 0 0 0\n"), "a.off:5: a face of 4 corners names 3"));
   CHECK(starts(fault(folder, "a.off", "OFF\n1 2 0\n0 0 0\n3 0 0 0\n"), "a.off:5: the text ends after 1 of 2 faces"));
-  CHECK(starts(fault(folder, "a.off", "OFF BINARY\n"), "a.off: binary OFF is not read"));
+  CHECK(starts(fault(folder, "a.off", "OFF BINARY\n"), "a.off, byte 11: the counts are missing"));
 }
 
 TEST_CASE("ply: ascii and both byte orders give the same mesh", "[io][ply][fast]") {
@@ -517,7 +518,7 @@ TEST_CASE("files: what cannot be read is named", "[io][fast]") {
     CHECK(mesh.error().code == ErrorCode::bad_file);
     CHECK(mesh.error().where == path.string());
   }
-  CHECK(read(file(folder, "a.stl", "")).error().code == ErrorCode::unsupported);
+  CHECK(read(file(folder, "a.fbx", "")).error().code == ErrorCode::unsupported);
   FileLimits limits;
   limits.bytes = 10;
   Context context;

@@ -93,6 +93,21 @@ TEST_CASE("ladder: good quads end it, poor ones are followed by one more attempt
   }
 }
 
+TEST_CASE("ladder: features that nobody asked for are let go for better quads", "[ladder][fast]") {
+  SurfaceFacts facts{1000, 300, false, true};
+  facts.unasked = true;
+  const std::vector<Attempt> attempts = ladder(facts);
+  REQUIRE(attempts[1].keeps_features);
+  REQUIRE_FALSE(attempts[2].keeps_features);
+  for (const Outcome outcome : {Outcome::poor, Outcome::uncovered}) {
+    CHECK(next_attempt(attempts, std::vector<Tried>{{0, outcome}}) == 2);
+    CHECK_FALSE(next_attempt(attempts, std::vector<Tried>{{0, outcome}, {2, Outcome::tangled}}).has_value());
+  }
+  CHECK(next_attempt(attempts, std::vector<Tried>{{0, Outcome::flat}}) == 1);
+  facts.unasked = false;
+  CHECK(next_attempt(ladder(facts), std::vector<Tried>{{0, Outcome::poor}}) == 1);
+}
+
 TEST_CASE("ladder: what is spent is not tried again", "[ladder][fast]") {
   const std::vector<Attempt> attempts = ladder({few, 500, false, false});
   const auto on_stand_in = [&](const Tried& tried) { return attempts[tried.attempt].on_stand_in(); };

@@ -197,16 +197,17 @@ TEST_CASE("stand-in: the surface's topology, lines and places on fewer triangles
 
 TEST_CASE("features: marks come from the caller and from creases, short ones go, and pieces take theirs",
           "[parts][fast]") {
-  const TriangleMesh<double> mesh = hills(10);
+  const Asset asset{hills(10), std::nullopt};
+  const TriangleMesh<double>& mesh = asset.mesh;
   RemeshOptions options;
-  CHECK(quadrig::detail::kept_edges(mesh, options).empty());
+  CHECK(quadrig::detail::kept_edges(asset, options).empty());
   Index inner = 0, border = 0;
   while (mesh.twin(inner) == no_index) ++inner;
   while (mesh.twin(border) != no_index) ++border;
   options.features = {border};  // the border is kept without being asked
-  CHECK(quadrig::detail::kept_edges(mesh, options).empty());
+  CHECK(quadrig::detail::kept_edges(asset, options).empty());
   options.features = {inner, border};
-  EdgeMarks marks = quadrig::detail::kept_edges(mesh, options);
+  EdgeMarks marks = quadrig::detail::kept_edges(asset, options);
   CHECK(std::accumulate(marks.begin(), marks.end(), 0) == 2);
   CHECK(same_on_both_sides(mesh, marks));
 

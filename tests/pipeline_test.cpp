@@ -179,17 +179,18 @@ TEST_CASE("remesh: a small count is met too, whatever whole rows it needs", "[pi
 TEST_CASE("remesh: quads are shared out, and many parts that miss theirs alike are asked again", "[pipeline]") {
   using quadrig::detail::asked_again;
   using quadrig::detail::quads_due;
-  CHECK(quads_due({1, 3}, 400) == std::vector<double>{100, 300});
-  CHECK(quads_due({1, 999}, 400) == std::vector<double>{6, 394});
-  CHECK(quads_due({1, 1, 1}, 6) == std::vector<double>{6, 6, 6});
+  CHECK(quads_due({1, 3}, 400, {6, 6}) == std::vector<double>{100, 300});
+  CHECK(quads_due({1, 999}, 400, {6, 6}) == std::vector<double>{6, 394});
+  CHECK(quads_due({1, 1, 1}, 6, {6, 6, 6}) == std::vector<double>{6, 6, 6});
+  CHECK(quads_due({1, 1, 1}, 3, {1, 1, 1}) == std::vector<double>{1, 1, 1});  // sheets
   // Three of 12 have three too many each.
-  const std::vector<double> due{12, 12, 12, 200};
-  CHECK(asked_again(due, {15, 15, 15, 200}, 9, 10).empty());
+  const std::vector<double> due{12, 12, 12, 200}, least(4, 6.0);
+  CHECK(asked_again(due, {15, 15, 15, 200}, least, 9, 10).empty());
   using Again = std::vector<std::pair<std::size_t, double>>;
-  CHECK(asked_again(due, {15, 15, 15, 200}, 9, 1) == Again{{0, 6}, {1, 6}});
-  CHECK(asked_again(due, {10, 9, 12, 200}, -5, 1) == Again{{1, 18}});
-  CHECK(asked_again(due, {12, 12, 12, 230}, 30, 1).empty());  // no matter of whole rows
-  CHECK(asked_again({8, 8}, {12, 12}, 8, 1).empty());         // none closes with less
+  CHECK(asked_again(due, {15, 15, 15, 200}, least, 9, 1) == Again{{0, 6}, {1, 6}});
+  CHECK(asked_again(due, {10, 9, 12, 200}, least, -5, 1) == Again{{1, 18}});
+  CHECK(asked_again(due, {12, 12, 12, 230}, least, 30, 1).empty());  // no matter of whole rows
+  CHECK(asked_again({8, 8}, {12, 12}, {6, 6}, 8, 1).empty());        // none closes with less
 }
 
 TEST_CASE("remesh: the result does not depend on the number of threads", "[pipeline]") {

@@ -488,3 +488,27 @@ TEST_CASE("untangle: flips made by hand are undone and transitions kept", "[seam
     REQUIRE(std::abs(now - then) < 1e-9);
   }
 }
+
+TEST_CASE("seamless: a map that is turned and scaled all over is turned by so much, and by nothing scaled",
+          "[seamless]") {
+  const FieldCase c = field_case(closed_surface(0), 0, 0.12);
+  const TargetEdges wanted = target_edges(c.mesh, c.connection, c.cut, c.field.frames.u, c.field.frames.v);
+  constexpr double degrees = 7;
+  std::vector<Complex> z(wanted.size());
+  for (std::size_t h = 0; h < wanted.size(); h += 3) {
+    const Complex turn = std::polar(3.0, degrees * std::numbers::pi / 180);
+    z[h + 1] = turn * wanted[h];
+    z[h + 2] = z[h + 1] + turn * wanted[h + 1];
+  }
+  const MapStrain strain = map_strain(c.mesh, c.cut.rotation, wanted, z);
+  CHECK(strain.turned_mean_degrees == quadrig::test::Approx(degrees));
+  CHECK(strain.turned_p95_degrees == quadrig::test::Approx(degrees));
+  CHECK(strain.scaled_p95 < 1e-9);
+  CHECK(strain.curl_mean ==
+        quadrig::test::Approx(field_curl(c.mesh, c.connection, c.field.frames, c.field.matching).mean * 0.12));
+  // half of the faces twice as large: they and the others are off by half of ln 2
+  for (std::size_t h = 0; h < z.size(); h += 6)
+    for (std::size_t k = h; k < h + 3; ++k) z[k] *= 2;
+  CHECK(map_strain(c.mesh, c.cut.rotation, wanted, z).scaled_p95 ==
+        quadrig::test::Approx(std::log(2) / 2).epsilon(0.1));
+}

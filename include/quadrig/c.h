@@ -115,7 +115,7 @@ typedef struct quadrig_mesh {
 QUADRIG_C_API void quadrig_mesh_init(quadrig_mesh* mesh, size_t size);
 /* quadrig_bad_input: not a surface, or weights that do not fit; the message names the vertex or triangle. */
 QUADRIG_C_API quadrig_status quadrig_asset_create(quadrig_job* job, const quadrig_mesh* mesh, quadrig_asset** asset);
-/* From files: .obj, .off or .ply, with .tgf and .dmat or both null. */
+/* From files: .obj, .off, .ply or .stl, with .tgf and .dmat or both null. */
 QUADRIG_C_API quadrig_status quadrig_asset_load(quadrig_job* job, const char* mesh, const char* rig,
                                                 const char* weights, quadrig_asset** asset);
 QUADRIG_C_API void quadrig_asset_destroy(quadrig_asset* asset);
@@ -144,7 +144,7 @@ typedef struct quadrig_options {
   uint32_t preset;        /* quadrig_preset_default */
   uint32_t influences;    /* most weights that a vertex keeps: 4 */
   uint32_t strict;        /* glTF: not 0: what would be mended, or a part that fails, is an error */
-  double crease_degrees;  /* edges that bend more stay edges; 0, the default: none */
+  double crease_degrees;  /* edges that bend more stay edges; 180: none; 0, the default: where all is flat sides */
   double bend_degrees;    /* how far the poses bend each bone: 60 */
   double count_tolerance; /* how far off the count may be: 0.05 */
   double bones;           /* pull of the bones on the directions; negative, the default: the preset's */

@@ -13,22 +13,23 @@
 namespace quadrig {
 
 enum class FitMethod : std::uint8_t {
-  none,     ///< vertices stay where the quads are most even
-  slide,    ///< vertices stay on the surface and slide along it (fit/slide.hpp)
-  surface,  ///< least squares for flat quads; vertices leave the surface
+  none,         ///< vertices stay where the quads are most even
+  slide,        ///< vertices stay on the surface and slide along it (fit/slide.hpp)
+  surface,      ///< least squares for flat quads; vertices leave the surface
+  subdivision,  ///< least squares for the limit surface of Catmull-Clark subdivision, which the quads are a cage of
 };
 
-/// "none", "slide" or "surface". \fails bad_option on any other name
+inline constexpr std::array<std::string_view, 4> fit_method_names{"none", "slide", "surface", "subdivision"};
+
+/// By its name. \fails bad_option on any other
 [[nodiscard]] inline Expected<FitMethod> fit_method(std::string_view name) {
-  constexpr std::array<std::string_view, 3> names{"none", "slide", "surface"};
-  for (std::size_t k = 0; k < names.size(); ++k)
-    if (names[k] == name) return static_cast<FitMethod>(k);
+  for (std::size_t k = 0; k < fit_method_names.size(); ++k)
+    if (fit_method_names[k] == name) return static_cast<FitMethod>(k);
   return Error{ErrorCode::bad_option, "there is no such fit", "fit " + std::string(name),
-               "one of: none, slide, surface"};
+               "one of: none, slide, surface, subdivision"};
 }
 [[nodiscard]] constexpr std::string_view fit_method_name(FitMethod method) {
-  constexpr std::array<std::string_view, 3> names{"none", "slide", "surface"};
-  return names[static_cast<std::size_t>(method)];
+  return fit_method_names[static_cast<std::size_t>(method)];
 }
 
 struct FitOptions {
@@ -39,8 +40,8 @@ struct FitOptions {
   /// What displacements cost against the squared distance: unlike ones of neighbours, as a whole and along the surface,
   /// and their part along the surface.
   double stiffness = 0.005, shear = 0.01, sliding = 0.01;
-  double largest_move = 0.5;  ///< of the shortest edge at the vertex
-  double accepted = 0.5;      ///< a move may not push a scaled Jacobian below this, or below what it was
+  double largest_move = 1;  ///< of the shortest edge at the vertex
+  double accepted = 0.5;    ///< a move may not push a scaled Jacobian below this, or below what it was
 
   /// \fails bad_option, naming the field
   [[nodiscard]] Status validate() const;
@@ -60,6 +61,7 @@ struct FitMotion {
 /// Root mean square distances of the surface to the planes of the quads at its places, by `face_weights`; lengths.
 struct FitReport {
   double rest_before = 0, rest_after = 0;
+  double back_before = 0, back_after = 0;    ///< the other way, at rest: of the quads to the surface
   double posed_before = 0, posed_after = 0;  ///< over rest, poses and morphs; as at rest where there are none
   double largest_move = 0;                   ///< of a vertex, a length
   Index dropped_influences = 0;              ///< vertices that have fewer weights than the surface there
@@ -68,8 +70,9 @@ struct FitReport {
 
   /// Of several parts: the largest of each distance, the sum of counts.
   FitReport& operator+=(const FitReport& other) {
-    for (const auto length : {&FitReport::rest_before, &FitReport::rest_after, &FitReport::posed_before,
-                              &FitReport::posed_after, &FitReport::largest_move, &FitReport::dropped_error})
+    for (const auto length :
+         {&FitReport::rest_before, &FitReport::rest_after, &FitReport::back_before, &FitReport::back_after,
+          &FitReport::posed_before, &FitReport::posed_after, &FitReport::largest_move, &FitReport::dropped_error})
       this->*length = std::max(this->*length, other.*length);
     dropped_influences += other.dropped_influences;
     rounds = std::max(rounds, other.rounds);

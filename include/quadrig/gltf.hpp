@@ -20,6 +20,13 @@ enum class GltfTopology : std::uint8_t {
   field,  ///< quads of a field wherever a shell is due `least_shell_quads`; smaller ones stay
 };
 
+/// Where the normals of new vertices come from. They part where the file's do.
+enum class GltfNormals : std::uint8_t {
+  automatic,  ///< carried over on shells whose normals are not those of their faces; else new
+  keep,       ///< the file's, carried over
+  fresh,      ///< those of the new faces
+};
+
 struct GltfRemeshOptions {
   /// `quads` counts the quads of all surfaces together, a triangle that is left as half of one; `poses` is set by
   /// `pose_source`.
@@ -48,6 +55,7 @@ struct GltfRemeshOptions {
   /// quads run along them, not only where they happen to lie near.
   bool keep_materials = false, keep_textures = false;
   double least_at_seams = 0.5;
+  GltfNormals normals = GltfNormals::automatic;
   /// A shell that strays farther than this many of its quads' edges is told as a warning; 0: none is.
   double most_edges_off = 2;
 };
@@ -88,6 +96,8 @@ struct GltfRemeshed {
   TriangleMesh<double> remeshed;  ///< the shells that have some
   std::vector<GltfShell> shells;
   Index triangles = 0;                            ///< that are in no quad
+  Index kept_normals = 0;                         ///< shells whose normals were carried over
+  Index moved_vertices = 0;  ///< of sheets over other shells, to stay on their side
   Index strayed = 0;                              ///< shells beyond `most_edges_off`
   Index passed_shells = 0, passed_triangles = 0;  ///< without a quad
   std::vector<GltfFailure> failures;

@@ -27,19 +27,24 @@ struct FileLimits {
 // Readers. All fail with bad_file where the file cannot be read, and with bad_input naming the file and its line (or
 // byte, in binary files) where it is not what its format allows: bad numbers, indices out of range, values that are
 // not finite, fewer entries than announced, more than the limits (bad_file where it is of more bytes than they allow).
+// Lines may end with any of LF, CR and CRLF; texts may be UTF-8, or UTF-16 with its mark.
 
 /// Wavefront OBJ: v and f in all index forms, relative ones too, with what vt, usemtl and l tell of them; what is no
 /// surface (normals, groups, points) is passed over; curves and free-form surfaces are counted and told as a warning.
 [[nodiscard]] Expected<PolygonMesh> read_obj(const std::filesystem::path& path, const FileLimits& limits,
                                              Context& context);
-/// Object File Format, ascii: OFF, COFF, NOFF and so on; colours and normals are passed over.
+/// Object File Format, as text or big-endian bytes: OFF, COFF, NOFF and so on, in any case; colours and normals are
+/// passed over.
 [[nodiscard]] Expected<PolygonMesh> read_off(const std::filesystem::path& path, const FileLimits& limits,
                                              Context& context);
 /// Stanford PLY, ascii and binary of both byte orders; any scalar types, elements and properties in any order; uses
-/// vertex x y z and the list vertex_indices or vertex_index of face.
+/// vertex x y z and the list vertex_indices or vertex_index of face, or of tristrips.
 [[nodiscard]] Expected<PolygonMesh> read_ply(const std::filesystem::path& path, const FileLimits& limits,
                                              Context& context);
-/// By the file's extension, .obj, .off or .ply, in any case. \fails unsupported on another.
+/// Stereolithography, as text or little-endian bytes; corners at one position are one vertex, normals are passed over.
+[[nodiscard]] Expected<PolygonMesh> read_stl(const std::filesystem::path& path, const FileLimits& limits,
+                                             Context& context);
+/// By the file's extension, .obj, .off, .ply or .stl, in any case. \fails unsupported on another.
 [[nodiscard]] Expected<PolygonMesh> read_surface(const std::filesystem::path& path, const FileLimits& limits,
                                                  Context& context);
 

@@ -9,6 +9,7 @@
 #include "quadrig/fit.hpp"
 #include "quadrig/polish.hpp"
 #include "quadrig/quality/hinges.hpp"
+#include "quadrig/seamless/strain.hpp"
 #include "quadrig/sizing.hpp"
 #include "quadrig/transfer.hpp"
 
@@ -97,8 +98,9 @@ struct RemeshOptions {
   std::vector<Points<double>> morphs;
   double count_tolerance = 0.05;
   Index influences = 4;  ///< most skin weights a vertex of the quads keeps
-  /// Edges that bend more than this become edges of quads, radians, where they run on; π: none.
-  double crease_angle_radians = std::numbers::pi;
+  /// Edges that bend more than this become edges of quads, radians, where they run on; π: none. Unset: those of
+  /// components made of flat sides (docs/command.md), where there is no rig.
+  std::optional<double> crease_angle_radians;
   /// Half-edges of the asset's mesh, one of a pair is enough, that become edges of quads: borders of materials or
   /// texture islands (`label_borders`), whatever the caller wants to find again.
   std::vector<Index> features;
@@ -131,8 +133,18 @@ struct ComponentReport {
   Index quads = 0, irregular = 0;
   Index singularities = 0;
   Rung rung = Rung::fine_map;
-  double kept_length = 0;            ///< of creases and features, units of the mesh
-  double kept_as_quads = 0;          ///< of these, how much edges of quads run along
+  MapStrain strain;          ///< of the map; zeros where it was split
+  double kept_length = 0;    ///< of creases and features, units of the mesh
+  double kept_as_quads = 0;  ///< of these, how much edges of quads run along
+  double edge = 0;           ///< of a square quad, were all as large: the root of area over quads
+  double farthest = 0;       ///< point of the surface from the quads, or of the quads from the surface; length
+  Vector3 farthest_place = Vector3::Zero();
+  double share_missed = 0;  ///< of the surface's area: farther than `edge` from the quads
+  double area_ratio = 1;    ///< area of the quads over that of the surface
+
+  /// Whether some of the surface is missing.
+  [[nodiscard]] bool misses() const { return farthest > most_edges_off * edge; }
+  static constexpr double most_edges_off = 1;
   std::vector<std::string> reasons;  ///< why earlier rungs and attempts were left
 };
 

@@ -31,10 +31,12 @@ struct PolishedQuads {
 /// Moves vertices along the source surface; border vertices along the border, those on kept edges along these, corners
 /// of either not at all. Every vertex stays on the surface and `source` follows.
 /// \param kept marks of the mesh, or empty: none
+/// \param held a flag a vertex that is not to move, or empty: none
 /// \pre quads.source has one point a vertex; border vertices lie on the border of the mesh
 /// \cost O(rounds · quads) closest-point walks. Source: shape projection (Bouaziz et al. 2012) onto rectangles.
 [[nodiscard]] QUADRIG_INLINE PolishedQuads polish(const TriangleMesh<double>& mesh, const PolishOptions& options,
-                                                  QuadMesh quads, Context& context, const EdgeMarks& kept = {});
+                                                  QuadMesh quads, Context& context, const EdgeMarks& kept = {},
+                                                  std::span<const char> held = {});
 
 }  // namespace quadrig
 

@@ -94,7 +94,7 @@ struct PrepareReport {
   Index welded_vertices = 0;        ///< of these, joined with another
   Index contracted_edges = 0;       ///< edges of zero length, contracted
   Index degenerate_faces = 0;       ///< fewer than three different vertices: dropped
-  Index repeated_faces = 0;         ///< same three vertices as an earlier face: dropped
+  Index repeated_faces = 0;         ///< same three vertices as another face, or half of two others, or a stray flap
   Index flat_faces = 0;             ///< no area: removed by an edge flip, or dropped at an open edge
   Index split_edges = 0;            ///< edges of three or more faces, cut apart
   Index split_vertices = 0;         ///< vertices whose faces formed several fans, doubled

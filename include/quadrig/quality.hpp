@@ -1,6 +1,7 @@
 // The figures of a result: counts and shapes, validity, distance to the input, how it bends, how it follows the rig.
 #pragma once
 
+#include "quadrig/quality/coverage.hpp"
 #include "quadrig/quality/deformation.hpp"
 #include "quadrig/quality/distance.hpp"
 #include "quadrig/quality/guidance.hpp"

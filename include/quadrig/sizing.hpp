@@ -34,10 +34,10 @@ struct SizingOptions {
   /// Longest over shortest side of the wanted quads, ≥ 1; 1: squares. Sides come from the same curvature as areas.
   double largest_aspect = 4;
   /// How much more an error counts where weights blend, ≥ 1.
-  double joint_weight = 3;
+  double joint_weight = 6;
   double least_density = 0.25;  ///< of the mean, in (0, 1]
   double largest_density = 16;  ///< of the mean, ≥ 1
-  double gradation = 0.3;       ///< relative change of size over one quad, > 0
+  double gradation = 0.8;       ///< relative change of size over one quad, > 0
   /// Quads a unit area, relative to each other, in the place of `density`: one value a vertex of the mesh, or one a
   /// face; empty: none. Graded like the others.
   std::vector<double> own_density{};
@@ -64,6 +64,21 @@ struct SizeField {
   double largest_aspect = 1;
 };
 
+/// Curvature along and across a frame, squared; and whether quads would go more than a quarter around a tube.
+struct TubeCheck {
+  static constexpr double mostly = 4;  ///< a tube curves so much more around than along
+  static constexpr double quarter = std::numbers::pi / 2;
+  double across = 0;  ///< the larger curvature
+  bool around_v = false, coarse = false;
+
+  /// \param u, v squared curvatures along the frame \param edge of a square quad
+  TubeCheck(double u, double v, double edge) {
+    across = std::sqrt(std::max(u, v));
+    around_v = v > u;
+    coarse = std::max(u, v) > mostly * mostly * std::min(u, v) && edge * across > quarter;
+  }
+};
+
 /// The frames with the line densities (per unit length) of the size field at `quads` on `area`: the side ratio that
 /// leaves the least error along the frame's own directions, smoothed along the surface.
 /// \param parent face of the size field's mesh that each face of `mesh` is part of
@@ -76,14 +91,16 @@ struct SizeField {
                                                       const Matching& matching, FrameField frames, Context& context,
                                                       const SolverFactory<double>& factory = solver_factory<double>()) {
   const auto m = static_cast<std::size_t>(mesh.face_count());
+  constexpr double most_stretch = 1000;
   const double mean = quads / area;
   DensityTargets wanted{std::vector<double>(m), std::vector<double>(m), std::vector<double>(m, 1.0)};
   const bool squares = sizes.largest_aspect <= 1 || sizes.forms.face_count() <= 0;
   // Curvature far below the mean cannot tell a direction from noise.
   std::vector<std::array<double, 2>> strength(m, {0, 0});
   double floor = 0;
+  bool thin_tube = false;  // thinner than four quads
   if (!squares) {
-    double total_area = 0;
+    double total_area = 0, tube_area = 0;
     for (Index f = 0; f < mesh.face_count(); ++f) {
       if (f % 1024 == 0 && context.cancelled()) return cancelled_error("sizes");
       const Index p = parent[static_cast<std::size_t>(f)];
@@ -97,7 +114,9 @@ struct SizeField {
       }
       floor += mesh.area(f) * std::sqrt(std::max(strength[at][0], strength[at][1]));
       total_area += mesh.area(f);
+      if (TubeCheck(strength[at][0], strength[at][1], 1 / std::sqrt(mean)).coarse) tube_area += mesh.area(f);
     }
+    thin_tube = tube_area > total_area / 2;
     floor = 0.1 * floor / total_area;
     floor *= floor;
   }
@@ -109,6 +128,12 @@ struct SizeField {
     if (!squares && floor > 0)  // a flat surface has no best side ratio
       aspect = std::clamp(std::pow((strength[at][1] + floor) / (strength[at][0] + floor), 0.25),
                           1 / sizes.largest_aspect, sizes.largest_aspect);
+    if (thin_tube)
+      if (const TubeCheck tube(strength[at][0], strength[at][1], 1 / std::sqrt(density)); tube.coarse) {
+        // Four quads around, as long as their number allows.
+        const double stretch = std::min(std::pow(tube.across / TubeCheck::quarter, 2) / density, most_stretch);
+        aspect = tube.around_v ? std::max(aspect, stretch) : std::min(aspect, 1 / stretch);
+      }
     wanted.log_u[at] = 0.5 * std::log(density / aspect);
     wanted.log_v[at] = 0.5 * std::log(density * aspect);
   }

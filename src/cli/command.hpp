@@ -58,7 +58,7 @@ struct Input {
   LoadOptions load;
   double quads = 0;  ///< to be made of it
 };
-void add_input(CLI::App& verb, Input& input, const std::string& formats = ".obj, .off or .ply");
+void add_input(CLI::App& verb, Input& input, const std::string& formats = ".obj, .off, .ply or .stl");
 /// Loads the asset. \fails as load_asset
 [[nodiscard]] Expected<LoadedAsset> load(const Input& input, Session& session);
 

@@ -13,15 +13,16 @@ struct RemeshCommand {
   std::string preset = "default", density;
   SizingOptions sizing;
   bool aspect_given = false;
-  double crease_degrees = 0;
+  std::string creases = "flats";
   std::filesystem::path output, report, weights_out, quads_out, map_out;
   bool binary_weights = false;
   std::string poses = "bends";
   std::vector<Index> quads;
   GltfSelection selection;
   bool source_map = false, seams = true, force = false;
-  std::string topology = "best";
+  std::string topology = "best", normals = "auto";
   double max_error = GltfRemeshOptions{}.most_edges_off;
+  bool strict_count = false;
   std::vector<std::string> keep, loops;
   [[nodiscard]] bool keeps(std::string_view what) const {
     return std::find(keep.begin(), keep.end(), what) != keep.end();
@@ -45,7 +46,9 @@ Json options_json(const RemeshCommand& o) {
   else
     json["sizing"] = nullptr;
   json["bend_degrees"] = o.remesh.bend_degrees;
-  json["crease_degrees"] = o.crease_degrees > 0 ? Json(o.crease_degrees) : Json(nullptr);
+  const auto& crease = o.remesh.crease_angle_radians;
+  json["crease_degrees"] = crease ? Json(*crease * 180 / std::numbers::pi) : Json(nullptr);
+  json["max_error"] = o.max_error;
   json["keep"] = o.keep;
   json["loops"] = o.remesh.loops.least;
   json["joint_loops"] = Json::object();
@@ -61,7 +64,7 @@ Json options_json(const RemeshCommand& o) {
     json["source_map"] = o.source_map;
     json["seams"] = o.seams;
     json["topology"] = o.topology;
-    json["max_error"] = o.max_error;
+    json["normals"] = o.normals;
   }
   const PrepareOptions& prepare = o.input.load.prepare;
   json["weld"] = prepare.weld == Weld::never ? "never" : prepare.weld == Weld::all ? "all" : "seams";
@@ -97,6 +100,21 @@ Status read_loops(std::span<const std::string> given, LoopOptions& loops) {
   return {};
 }
 
+/// \param text an angle in degrees, "none" or "flats" \fails bad_option on all else
+Status set_creases(const std::string& text, RemeshOptions& options) {
+  if (text == "flats") return {};
+  double degrees = 180;
+  if (text != "none") {
+    const char* end = text.data() + text.size();
+    const auto [rest, fault] = std::from_chars(text.data(), end, degrees);
+    if (fault != std::errc() || rest != end || !(degrees >= 0.01 && degrees <= 180))
+      return Error{ErrorCode::bad_option, "is no angle", "--creases " + text,
+                   "give 0.01 to 180 degrees, none, or flats"};
+  }
+  options.crease_angle_radians = degrees * std::numbers::pi / 180;
+  return {};
+}
+
 Status remesh_files(RemeshCommand options, Session& session) {
   const Input& input = options.input;
   const std::filesystem::path& weights_out = options.weights_out;
@@ -108,13 +126,13 @@ Status remesh_files(RemeshCommand options, Session& session) {
   if (gltf && (!weights_out.empty() || !input.files.rig.empty()))
     return Error{ErrorCode::bad_option, "a glTF file has its rig and weights within", input.files.mesh.string(),
                  "leave out --rig, --weights and --weights-out"};
-  if (!gltf && (!options.quads_out.empty() || options.poses != "bends" || options.source_map ||
-                options.selection.unskinned || !options.selection.names.empty() || !options.seams ||
-                options.topology != "best" || options.max_error != GltfRemeshOptions{}.most_edges_off))
-    return Error{ErrorCode::bad_option,
-                 "--quads-out, --poses, --select, --all, --source-map, --no-seams, --topology and --max-error are for "
-                 "glTF files",
-                 input.files.mesh.string(), "leave them out"};
+  if (!gltf &&
+      (!options.quads_out.empty() || options.poses != "bends" || options.source_map || options.selection.unskinned ||
+       !options.selection.names.empty() || !options.seams || options.topology != "best" || options.normals != "auto"))
+    return Error{
+        ErrorCode::bad_option,
+        "--quads-out, --poses, --select, --all, --source-map, --no-seams, --topology and --normals are for glTF files",
+        input.files.mesh.string(), "leave them out"};
   if (!options.quads_out.empty() && options.quads_out.extension() != ".obj")
     return Error{ErrorCode::bad_option, "quads can only be written as OBJ", options.quads_out.string(),
                  "give a name that ends in .obj"};
@@ -142,7 +160,7 @@ Status remesh_files(RemeshCommand options, Session& session) {
     if (*density == DensitySource::uniform && !options.aspect_given) options.sizing.largest_aspect = 1;
     options.remesh.sizing = options.sizing;
   }
-  if (options.crease_degrees > 0) options.remesh.crease_angle_radians = options.crease_degrees * std::numbers::pi / 180;
+  if (Status status = set_creases(options.creases, options.remesh); !status) return status;
   options.remesh.group_borders = options.keeps("groups");
   options.input.load.keep = {options.keeps("materials"), options.keeps("textures"), options.keeps("lines")};
   if (gltf && options.keeps("lines"))
@@ -170,6 +188,9 @@ Status remesh_files(RemeshCommand options, Session& session) {
     // The thesis's method is that of a field.
     const bool field = options.topology == "field" || options.remesh.preset == FieldPreset::thesis;
     job.options.topology = field ? GltfTopology::field : GltfTopology::best;
+    job.options.normals = options.normals == "keep"  ? GltfNormals::keep
+                          : options.normals == "new" ? GltfNormals::fresh
+                                                     : GltfNormals::automatic;
     job.options.most_edges_off = options.max_error;
     job.options.keep_materials = options.keeps("materials");
     job.options.keep_textures = options.keeps("textures");
@@ -209,11 +230,14 @@ Status remesh_files(RemeshCommand options, Session& session) {
     if (Status status = files.add(options.report, report_text(report)); !status) return status;
   }
   if (Status status = session.commit(files); !status) return status;
+  const double off = std::abs(static_cast<double>(r.quads) / options.remesh.quads - 1);
+  session.in_part = options.strict_count && off > options.remesh.count_tolerance;
+  const auto strays = [&](const ComponentReport& part) { return part.farthest > options.max_error * part.edge; };
+  if (options.max_error > 0 && std::ranges::any_of(r.components, strays)) session.in_part = true;
   std::string line =
       options.output.string() + ": " + std::to_string(r.quads) + " quads, " + std::to_string(r.irregular) +
       " irregular vertices, scaled Jacobian " + decimals(r.scaled_jacobian_average, 3) + " on average and " +
       decimals(r.scaled_jacobian_minimum, 3) + " at least, " + decimals(read_seconds + r.seconds.total, 2) + " s";
-  if (r.minimum_count > 0) line += "; fewer that fit this surface were not found";
   session.say(line);
   return {};
 }
@@ -234,8 +258,20 @@ void add_remesh_figures(Json& report, const RemeshReport& r, double read_seconds
                                     {"irregular", c.irregular},
                                     {"singularities", c.singularities},
                                     {"rung", rung_name(c.rung)},
+                                    {"map",
+                                     {{"curl_mean", c.strain.curl_mean},
+                                      {"curl_largest", c.strain.curl_largest},
+                                      {"turned_mean_degrees", c.strain.turned_mean_degrees},
+                                      {"turned_p95_degrees", c.strain.turned_p95_degrees},
+                                      {"scaled_mean", c.strain.scaled_mean},
+                                      {"scaled_p95", c.strain.scaled_p95}}},
                                     {"kept_length", c.kept_length},
                                     {"kept_as_quads", c.kept_as_quads},
+                                    {"edge", c.edge},
+                                    {"farthest", c.farthest},
+                                    {"farthest_place", {c.farthest_place[0], c.farthest_place[1], c.farthest_place[2]}},
+                                    {"share_missed", c.share_missed},
+                                    {"area_ratio", c.area_ratio},
                                     {"reasons", c.reasons}});
   report["hinges"] = Json::array();
   for (const HingeReport& hinge : r.hinges)
@@ -252,6 +288,7 @@ void add_remesh_figures(Json& report, const RemeshReport& r, double read_seconds
                      {"mean_angle_to_bone_deg", r.field.mean_angle_to_bone_deg},
                      {"residual", r.field.solve.residual}};
   report["fit"] = {{"rest_before", r.fit.rest_before},    {"rest_after", r.fit.rest_after},
+                   {"back_before", r.fit.back_before},    {"back_after", r.fit.back_after},
                    {"posed_before", r.fit.posed_before},  {"posed_after", r.fit.posed_after},
                    {"largest_move", r.fit.largest_move},  {"dropped_influences", r.fit.dropped_influences},
                    {"dropped_error", r.fit.dropped_error}};
@@ -281,7 +318,7 @@ void add_remesh(CLI::App& app, Run& run) {
   auto options = std::make_shared<RemeshCommand>();
   RemeshOptions& remesh = options->remesh;
   CLI::App* verb = app.add_subcommand("remesh", "Quads that follow the rig, with the rig's weights");
-  add_input(*verb, options->input, ".obj, .off or .ply, or a glTF file: .glb, .gltf or .vrm");
+  add_input(*verb, options->input, ".obj, .off, .ply or .stl, or a glTF file: .glb, .gltf or .vrm");
   verb->add_option("--quads", options->quads, "How many quads; of a glTF file several, one file a level of detail")
       ->required()
       ->delimiter(',')
@@ -304,9 +341,10 @@ void add_remesh(CLI::App& app, Run& run) {
                    "the thesis; static: no rig, along the curvature")
       ->check(CLI::IsMember({"default", "thesis", "static"}))
       ->option_text("default|thesis|static = default");
-  verb->add_option("--creases", options->crease_degrees, "Edges that bend more than this stay edges, degrees")
-      ->check(CLI::Range(0.01, 180.0))
-      ->type_name("ANGLE");
+  verb->add_option("--creases", options->creases,
+                   "Edges that bend more than this stay edges, degrees; flats: the sharp ones of parts made of flat "
+                   "sides, without a rig; none")
+      ->option_text("ANGLE|flats|none = flats");
   verb->add_option("--keep", options->keep,
                    "Borders that become edges of quads: of materials, of texture islands, of the vertex groups of the "
                    "rig (where another bone's weight becomes the largest), and what the OBJ draws as lines")
@@ -326,8 +364,8 @@ void add_remesh(CLI::App& app, Run& run) {
           "Where vertices go: surface: off the surface, where flat quads are nearest to it at rest and bent; slide: "
           "along "
           "the surface; none: where quads are most even")
-      ->check(CLI::IsMember({"surface", "slide", "none"}))
-      ->option_text("surface|slide|none = surface");
+      ->check(CLI::IsMember({"surface", "subdivision", "slide", "none"}))
+      ->option_text("surface|subdivision|slide|none = surface");
   verb->add_option("--influences", remesh.influences, "Most weights that a vertex keeps")
       ->capture_default_str()
       ->type_name("N");
@@ -389,18 +427,25 @@ void add_remesh(CLI::App& app, Run& run) {
       ->check(CLI::IsMember({"best", "field"}))
       ->option_text("best|field = best")
       ->group(parts);
+  verb->add_option("--normals", options->normals,
+                   "Of new vertices: keep: the file's, carried over; new: those of the new faces, parted where the "
+                   "file's part; auto: kept on shells where they are not those of the faces")
+      ->check(CLI::IsMember({"auto", "keep", "new"}))
+      ->option_text("auto|keep|new = auto")
+      ->group(parts);
   verb->add_option("--max-error", options->max_error,
-                   "Farther from the input than this many edges of its quads a shell is told, and the exit code is 9; "
-                   "0: none")
+                   "The exit code is 9 where a part lies farther than this many edges of its quads from them; 0: never")
       ->check(CLI::NonNegativeNumber)
       ->capture_default_str()
-      ->type_name("EDGES")
-      ->group(parts);
+      ->type_name("EDGES");
 
   const std::string expert = "For experts";
   verb->add_option("--count-tolerance", remesh.count_tolerance, "How far off the count may be")
       ->capture_default_str()
       ->type_name("SHARE")
+      ->group(expert);
+  verb->add_flag("--strict-count", options->strict_count,
+                 "The exit code is 9 where the count is off by more than the tolerance")
       ->group(expert);
   verb->add_option("--solver", remesh.solver.name, "Linear solver")
       ->capture_default_str()

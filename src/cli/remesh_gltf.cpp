@@ -92,6 +92,8 @@ Json surfaces_json(std::span<const GltfRemeshed> all) {
                         {"quads", one.result.report.quads},
                         {"triangles", one.triangles},
                         {"strayed", one.strayed},
+                        {"kept_normals", one.kept_normals},
+                        {"moved_vertices", one.moved_vertices},
                         {"shells", shells},
                         {"passed_shells", one.passed_shells},
                         {"passed_triangles", one.passed_triangles},

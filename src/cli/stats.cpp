@@ -14,6 +14,8 @@ struct StatsCommand {
   std::string poses = "bends", skinning = "linear";
   Index frames = 64;
   Index samples = 40000;
+  int subdivide = 0;
+  bool own_weights = false;
   bool json = false;
 };
 
@@ -72,6 +74,20 @@ Expected<Json> guidance_json(const Asset& asset, QuadMesh quads) {
               {"hinge_loops", loops}};
 }
 
+/// Where the weights of a mesh NAME.obj are: NAME-weights.dmat, or NAME.dmat.
+std::filesystem::path weights_beside(const std::filesystem::path& mesh) {
+  std::filesystem::path first = mesh, second = mesh;
+  first.replace_extension("").concat("-weights.dmat");
+  second.replace_extension(".dmat");
+  std::error_code ignored;
+  return std::filesystem::exists(first, ignored) ? first : second;
+}
+Expected<SkinWeights> read_skin_weights(const std::filesystem::path& path, const FileLimits& limits, Session& session) {
+  const Expected<Eigen::MatrixXd> dense = read_dmat(path, limits, &session.context);
+  if (!dense) return dense.error();
+  return SkinWeights(dense->sparseView());
+}
+
 Expected<Json> figures(const std::filesystem::path& path, const StatsCommand& options, const LoadedAsset* input,
                        std::span<const Pose> poses, Session& session) {
   const auto in_file = [&](Error error) {
@@ -114,8 +130,20 @@ Expected<Json> figures(const std::filesystem::path& path, const StatsCommand& op
   }
   if (!input) return out;
   const TriangleMesh<double>& surface = input->asset.mesh;
+  std::optional<Subdivision> smooth;
+  PolygonMesh drawn = *mesh;
+  if (options.subdivide > 0) {
+    const std::optional<Quads> cage = as_quads(*mesh);
+    if (!cage || !broken.empty())
+      return in_file({ErrorCode::bad_input, "only valid quads are a cage", "", "leave out --subdivide"});
+    Expected<Subdivision> made =
+        quadrig::subdivide(*cage, mesh->vertex_count(), {.levels = options.subdivide, .limit = false, .creases = {}});
+    if (!made) return in_file(made.error());
+    smooth = std::move(*made);
+    drawn = to_polygons(QuadMesh{smooth->stencils * mesh->positions, smooth->quads, {}});
+  }
   const Expected<SurfaceDistance> distance =
-      surface_distance(surface.positions(), surface.faces(), mesh->positions, fan_triangles(*mesh),
+      surface_distance(surface.positions(), surface.faces(), drawn.positions, fan_triangles(drawn),
                        {options.samples, 7}, session.context);
   if (!distance) return in_file(distance.error());
   const double diagonal = surface.diagonal();
@@ -124,10 +152,13 @@ Expected<Json> figures(const std::filesystem::path& path, const StatsCommand& op
                      {"back_rms", distance->from_input.rms / diagonal}};
   if (!input->asset.rig) return out;
   const SkinWeights& weights = input->asset.rig->weights;
-  Expected<SkinWeights> coarse = closest_weights(surface, weights, mesh->positions);
+  Expected<SkinWeights> coarse = options.own_weights
+                                     ? read_skin_weights(weights_beside(path), options.input.load.limits, session)
+                                     : closest_weights(surface, weights, mesh->positions);
   if (!coarse) return in_file(coarse.error());
   DeformationOptions deformation;
   deformation.samples = options.samples;
+  if (smooth) deformation.subdivision = &*smooth;
   if (options.skinning == "dual") deformation.skinning = Skinning::dual_quaternion;
   const Expected<DeformationFigures> d =
       deformation_error(surface, weights, *mesh, *coarse, poses, deformation, session.context);
@@ -142,6 +173,8 @@ Expected<Json> figures(const std::filesystem::path& path, const StatsCommand& op
                         {"bent_rest_rms", d->bent_rest_rms},
                         {"bent_normal_degrees", d->bent_normal_degrees},
                         {"flipped", d->flipped},
+                        {"rest_volume", d->rest_volume},
+                        {"posed_volume", d->posed_volume},
                         {"scaled_jacobian",
                          {{"average", d->scaled_jacobian_average},
                           {"minimum", d->scaled_jacobian_minimum},
@@ -232,8 +265,11 @@ Expected<std::vector<Pose>> poses_of(const Rig& rig, const StatsCommand& options
 Status stats(const StatsCommand& options, Session& session) {
   std::optional<LoadedAsset> input;
   FileSet files;
-  for (const auto& path : options.meshes)
+  for (const auto& path : options.meshes) {
     if (Status status = files.reads(path); !status) return status;
+    if (options.own_weights)
+      if (Status status = files.reads(weights_beside(path)); !status) return status;
+  }
   if (Status status = declare(files, options.input, {options.report}); !status) return status;
   const AssetFiles& input_files = options.input.files;
   if (is_gltf(input_files.mesh) && !input_files.rig.empty())
@@ -283,7 +319,7 @@ Status stats(const StatsCommand& options, Session& session) {
 void add_stats(CLI::App& app, Run& run) {
   auto options = std::make_shared<StatsCommand>();
   CLI::App* verb = app.add_subcommand("stats", "Counts, validity, shape, distance and bending of polygon meshes");
-  verb->add_option("MESH", options->meshes, "Meshes: .obj, .off or .ply")->required()->type_name("");
+  verb->add_option("MESH", options->meshes, "Meshes: .obj, .off, .ply or .stl")->required()->type_name("");
   auto* input = verb->add_option("--input", options->input.files.mesh, "The surface that they stand for: distances");
   input->type_name("FILE");
   auto* rig = verb->add_option("--rig", options->input.files.rig, "Its bones: how well the meshes bend");
@@ -303,6 +339,15 @@ void add_stats(CLI::App& app, Run& run) {
   verb->add_option("--skinning", options->skinning, "Linear blend, or dual quaternions")
       ->check(CLI::IsMember({"linear", "dual"}))
       ->option_text("linear|dual = linear");
+  verb->add_option("--subdivide", options->subdivide,
+                   "The meshes are cages: Catmull-Clark steps, after posing, before they are compared")
+      ->check(CLI::Range(1, 4))
+      ->expected(0, 1)
+      ->default_str("2")
+      ->type_name("STEPS = 2");
+  verb->add_flag("--own-weights", options->own_weights,
+                 "Pose MESH.obj by MESH-weights.dmat or MESH.dmat beside it, not by the input's at the closest points")
+      ->needs(rig);
   verb->add_option("--samples", options->samples, "Points that distances are measured at")
       ->check(CLI::Range(100, 10'000'000))
       ->capture_default_str()

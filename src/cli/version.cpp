@@ -1,6 +1,7 @@
 #include "version.hpp"
 
 #include "quadrig/solver.hpp"
+#include "quadrig/subdivision.hpp"
 #include "quadrig_commit.hpp"
 
 namespace quadrig::cli {
@@ -15,6 +16,7 @@ std::string version_text() {
     list += (list.empty() ? "" : ", ") + std::string(name);
   };
   part("meshoptimizer", decoders.find("meshoptimizer") != std::string::npos);
+  part("OpenSubdiv", can_subdivide());
   part("Draco", decoders.find("draco") != std::string::npos);
   for (const char* backend : {"cholmod-simplicial-lgpl", "cholmod-supernodal-gpl"})
     part(backend, solver_built<double>(backend));

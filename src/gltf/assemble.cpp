@@ -5,42 +5,21 @@
 #include <map>
 #include <numeric>
 
+#include "normals.hpp"
 #include "regions.hpp"
 
 namespace quadrig::gltf {
 namespace {
 
+/// A row's strongest weights, rescaled.
 std::vector<std::pair<Index, double>> strongest(const SkinWeights& weights, Index row, Index influences) {
-  std::vector<std::pair<Index, double>> own;
+  std::vector<BoneShare> shares;
   for (SkinWeights::InnerIterator it(weights, row); it; ++it)
-    if (it.value() > 0) own.emplace_back(static_cast<Index>(it.col()), it.value());
-  std::sort(own.begin(), own.end(), [](const auto& a, const auto& b) {
-    return a.second != b.second ? a.second > b.second : a.first < b.first;
-  });
-  if (own.size() > at(influences)) own.resize(at(influences));
-  double sum = 0;
-  for (const auto& entry : own) sum += entry.second;
-  for (auto& entry : own) entry.second /= sum;
+    shares.push_back({static_cast<Index>(it.col()), it.value()});
+  (void)keep_strongest(shares, influences);
+  std::vector<std::pair<Index, double>> own;
+  for (const BoneShare& share : shares) own.emplace_back(share.bone, share.weight);
   return own;
-}
-
-/// Unit normals of the quads' vertices: of the faces around them, by area.
-Points<double> smooth_normals(const QuadMesh& mesh, const Points<double>& positions) {
-  Points<double> normals = Points<double>::Zero(mesh.vertex_count(), 3);
-  for (Index q = 0; q < mesh.quad_count(); ++q) {
-    Vector3 p[4];
-    for (int i = 0; i < 4; ++i) p[i] = positions.row(mesh.quads(q, i)).transpose();
-    const Vector3 n = (p[2] - p[0]).cross(p[3] - p[1]);
-    for (int i = 0; i < 4; ++i) normals.row(mesh.quads(q, i)) += n.transpose();
-  }
-  for (Index v = 0; v < mesh.vertex_count(); ++v) {
-    const double length = normals.row(v).norm();
-    if (length > 0)
-      normals.row(v) /= length;
-    else
-      normals.row(v) = Vector3::UnitZ().transpose();
-  }
-  return normals;
 }
 
 /// Where a point of the prepared surface lies on the input: primitive, triangle, and the second and third of its
@@ -55,12 +34,12 @@ Eigen::Vector4d source_of(const Job& job, Index face, const Vector3& p) {
           static_cast<double>(gathered.triangle_number[at(t)]), hit.barycentric[1], hit.barycentric[2]};
 }
 
-/// How the normals of the quads' vertices change with each morph target that has normals: made anew, as the normals
-/// are.
+/// How the normals change with each morph target that has normals: as those of the quads' faces do.
 struct MorphNormals {
-  std::vector<std::pair<Eigen::Index, Points<double>>> changes;  ///< first column, n×3
+  std::vector<std::pair<Eigen::Index, Points<double>>> changes;  ///< first column, one row a normal
 
-  MorphNormals(const Gathered& gathered, const RemeshResult& result, const Points<double>& normals) {
+  MorphNormals(const Gathered& gathered, const RemeshResult& result, const FieldNormals& normals) {
+    const Points<double> resting = normals.anew(result.mesh.positions);
     for (const Attribute& attribute : gathered.attributes) {
       if (attribute.target == Attribute::no_target || attribute.name != "NORMAL") continue;
       Points<double> moved = result.mesh.positions;
@@ -70,11 +49,11 @@ struct MorphNormals {
         if (other.target == attribute.target) moved += result.morphs[morph];
         ++morph;
       }
-      changes.emplace_back(attribute.first, smooth_normals(result.mesh, moved) - normals);
+      changes.emplace_back(attribute.first, normals.anew(moved) - resting);
     }
   }
-  void put(Index v, Eigen::VectorXd& values) const {
-    for (const auto& [first, change] : changes) values.segment<3>(first) = change.row(v).transpose();
+  void put(Index normal, Eigen::VectorXd& values) const {
+    for (const auto& [first, change] : changes) values.segment<3>(first) = change.row(normal).transpose();
   }
 };
 
@@ -98,16 +77,17 @@ class MorphPositions {
 
 }  // namespace
 
-void add_field(Job& job, const RemeshResult& result, Index influences) {
+void add_field(Job& job, const Shells& shells, const RemeshResult& result, const std::vector<char>& keep_normals,
+               Index influences) {
   const QuadMesh& quads = result.mesh;
   if (quads.quad_count() == 0) return;
   std::vector<Index> every(at(job.gathered.surface.asset.mesh.face_count()));
   std::iota(every.begin(), every.end(), 0);
   Regions regions(job.gathered, job.gathered.surface.asset.mesh, every);
-  const Points<double> normals = smooth_normals(quads, quads.positions);
+  const FieldNormals normals(job.gathered, *shells.wedges, shells.components, quads, keep_normals);
   const MorphNormals morphs(job.gathered, result, normals);
   const MorphPositions displacements(job, result);
-  // Values that a vertex has in a primitive: more than one where a seam runs through it.
+  // Values that a vertex has with one normal in a primitive: more than one where a seam runs through it.
   std::map<std::pair<Index, Index>, std::vector<Eigen::VectorXd>> variants;
   for (Index q = 0; q < quads.quad_count(); ++q) {
     const Regions::QuadValues values = regions.of_quad(quads, q);
@@ -116,16 +96,17 @@ void add_field(Job& job, const RemeshResult& result, Index influences) {
     for (int i = 0; i < 4; ++i) {  // the first corner is that of the better diagonal: the fit chose it
       const Index v = quads.quads(q, i);
       const Eigen::VectorXd& own = values.corners[static_cast<std::size_t>(i)];
-      std::vector<Eigen::VectorXd>& known = variants[{values.primitive, v}];
+      const Index normal = normals.of_corner(q, i);
+      std::vector<Eigen::VectorXd>& known = variants[{values.primitive, normal}];
       std::size_t variant = 0;
       while (variant < known.size() && !regions.alike(known[variant], own)) ++variant;
       if (variant == known.size()) known.push_back(own);
-      const std::uint64_t key = static_cast<std::uint64_t>(variant) << 32 | static_cast<std::uint32_t>(v);
+      const std::uint64_t key = static_cast<std::uint64_t>(variant) << 32 | static_cast<std::uint32_t>(normal);
       corner[static_cast<std::size_t>(i)] = builder.vertex(key, [&] {
         const Vector3 p = quads.positions.row(v).transpose();
-        PrimitiveBuilder::Vertex made{p, normals.row(v).transpose(), own, {}, {}};
+        PrimitiveBuilder::Vertex made{p, normals.normal(normal), own, {}, {}};
         displacements.put(v, made.values);
-        morphs.put(v, made.values);
+        morphs.put(normal, made.values);
         made.source = source_of(job, quads.source[at(v)].face, p);
         if (result.weights) made.weights = strongest(*result.weights, v, influences);
         return made;
@@ -135,7 +116,8 @@ void add_field(Job& job, const RemeshResult& result, Index influences) {
   }
 }
 
-void add_polygons(Job& job, const Shells& shells, const Shell& shell, bool quads, Index influences) {
+void add_polygons(Job& job, const Shells& shells, const Shell& shell, bool quads, GltfNormals normals,
+                  Index influences) {
   const Gathered& gathered = job.gathered;
   const Asset& asset = gathered.surface.asset;
   const TriangleMesh<double>& mesh = asset.mesh;
@@ -150,12 +132,17 @@ void add_polygons(Job& job, const Shells& shells, const Shell& shell, bool quads
     const double length = n.norm();
     return length > 0 && std::isfinite(length) ? Vector3(n / length) : Vector3::UnitZ();
   };
-  std::map<Index, Vector3> smooth;
+  // At each vertex the normals of its polygons, with those that the file has there.
+  std::map<Index, std::vector<std::pair<std::optional<Vector3>, Vector3>>> around;
   for (const Polygon& p : shell.polygons)
-    for (std::size_t i = 0; i < p.size(); ++i) {
-      const auto [place, is_new] = smooth.try_emplace(p.vertex[i], Vector3::Zero());
-      place->second += normal_of(p);
-    }
+    for (std::size_t i = 0; i < p.size(); ++i)
+      around[p.vertex[i]].emplace_back(shells.wedges->normal(p.wedge[i], p.primitive), normal_of(p));
+  const auto smooth = [&](Index v, const std::optional<Vector3>& own) {
+    Vector3 sum = Vector3::Zero();
+    for (const auto& [theirs, n] : around.at(v))
+      if (!own || !theirs || own->dot(*theirs) > hard_cosine) sum += n;
+    return unit(sum);
+  };
   for (const Polygon& polygon : shell.polygons) {
     if ((polygon.size() == 4) != quads) continue;
     PrimitiveBuilder& builder = job.builders[at(polygon.primitive)];
@@ -177,9 +164,17 @@ void add_polygons(Job& job, const Shells& shells, const Shell& shell, bool quads
         const Index h = mesh.outgoing(v);
         PrimitiveBuilder::Vertex made{
             point(v), Vector3::Zero(), gathered.values.row(wedge).transpose(), {}, source_of(job, h / 3, point(v))};
+        if (const auto moved = shell.moved.find(v); moved != shell.moved.end()) {
+          made.position += moved->second[0];
+          std::size_t target = 0;
+          for (const Attribute& a : gathered.attributes)
+            if (a.target != Attribute::no_target && a.name == "POSITION")
+              made.values.segment<3>(a.first) += moved->second[++target];
+        }
         if (asset.rig) made.weights = strongest(asset.rig->weights, v, influences);
         const std::optional<Vector3> own = shells.wedges->normal(wedge, polygon.primitive);
-        made.normal = own && (kept || !flat) ? *own : flat ? unit(normal_of(polygon)) : unit(smooth.at(v));
+        const bool files = own && (kept || (!flat && normals != GltfNormals::fresh));
+        made.normal = files ? *own : flat ? unit(normal_of(polygon)) : smooth(v, own);
         return made;
       });
     };

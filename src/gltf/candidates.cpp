@@ -1,7 +1,9 @@
 // What a shell could become, and which of it lies nearest.
 #include <algorithm>
+#include <map>
 #include <set>
 
+#include "quadrig/disjoint_sets.hpp"
 #include "quadrig/pipeline/piece.hpp"
 #include "quadrig/quality/distance.hpp"
 #include "quadrig/skinning.hpp"
@@ -129,9 +131,20 @@ RemeshOptions field_options(const Gathered& gathered, const Shells& shells, cons
   const bool rigged = gathered.surface.asset.rig.has_value();
   if (!rigged && own.preset == FieldPreset::thesis) own.preset = FieldPreset::flat;
   if (!rigged) own.group_borders = false;
+  // Normals that part tell which edges are sharp.
+  if (!own.crease_angle_radians) own.crease_angle_radians = std::numbers::pi;
   if (options.pose_source == GltfPoses::clips && rigged && !gathered.surface.asset.rig->clips.empty())
     own.poses = shells.poses;
   return own;
+}
+
+/// Takes out edges that hang together with others to less than a length.
+void drop_short(const TriangleMesh<double>& mesh, std::vector<Index>& edges, double least_length) {
+  DisjointSets sets(at(mesh.vertex_count()));
+  for (const Index h : edges) sets.join(mesh.origin(h), mesh.target(h));
+  std::map<Index, double> length;
+  for (const Index h : edges) length[sets.find(mesh.origin(h))] += mesh.edge_vector(h).norm();
+  std::erase_if(edges, [&](Index h) { return length[sets.find(mesh.origin(h))] < least_length; });
 }
 
 /// Half-edges of a part that are to be edges of quads: where primitives meet or normals part, and what was asked for.
@@ -140,9 +153,12 @@ std::vector<Index> lines_of(const Gathered& gathered, const Shells& shells, cons
                             double quads) {
   const Regions regions(gathered, part, faces);
   const bool flat = shells.wedges->flat(shells.components.of_face[at(faces.front())]);
-  const auto wedge = [&](Index h) { return shells.wedges->at_corner(3 * faces[at(h / 3)] + h % 3); };
   // Of the length of all edges of `quads` quads, at most these shares may be bound to lines that were not asked for.
   constexpr double borders_worth = 0.2, sharp_worth = 0.1;
+  constexpr double worth_edges = 3;  // edges that hang together are worth a line from so many edges of quads on
+  const auto material = [&](Index h) {
+    return gathered.primitives[at(gathered.surface.source_primitive[at(faces[at(h / 3)])])].material;
+  };
   std::vector<Index> lines, borders, bends;
   double border_length = 0, bend_length = 0;
   for (Index h = 0; h < part.halfedge_count(); ++h) {
@@ -152,18 +168,17 @@ std::vector<Index> lines_of(const Gathered& gathered, const Shells& shells, cons
     const double length = part.edge_vector(h).norm();
     if (primitives ? options.keep_materials : options.keep_textures && seam) {
       lines.push_back(h);
-    } else if (primitives) {
+    } else if (primitives && material(h) != material(across)) {  // one that is not seen needs no line
       borders.push_back(h);
       border_length += length;
-    } else if (!flat && !seam &&
-               (wedge(h) != wedge(TriangleMesh<double>::next(across)) ||
-                wedge(TriangleMesh<double>::next(h)) != wedge(across))) {
+    } else if (!flat && shells.wedges->is_hard(3 * faces[at(h / 3)] + h % 3)) {
       bends.push_back(h);
-      bend_length += length;
     }
   }
   const double all = 2 * std::sqrt(quads * part.total_area());
   if (2 * quads > part.face_count()) bends.clear();  // made denser, it has mostly edges of that kind
+  drop_short(part, bends, worth_edges * std::sqrt(part.total_area() / quads));
+  for (const Index h : bends) bend_length += part.edge_vector(h).norm();
   if (sharp && border_length <= borders_worth * all) lines.insert(lines.end(), borders.begin(), borders.end());
   if (sharp && bend_length <= sharp_worth * all) lines.insert(lines.end(), bends.begin(), bends.end());
   std::sort(lines.begin(), lines.end());
@@ -212,6 +227,9 @@ Expected<FieldQuads> make_field(const Gathered& gathered, const Shells& shells, 
   Expected<RemeshResult> result = fit_and_skin(part, own, std::move(*unfitted), context);
   if (!result) return result.error();
   made.result = std::move(*result);
+  // Shells have figures and warnings of their own.
+  std::erase_if(made.result.report.warnings,
+                [](const Warning& warning) { return warning.stage == "coverage" || warning.stage == "count"; });
   // No primitive may vanish.
   std::set<Index> lost;
   for (const Index f : made.faces) lost.insert(gathered.surface.source_primitive[at(f)]);

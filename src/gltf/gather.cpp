@@ -80,6 +80,7 @@ Status Gatherer::add(std::size_t mesh, std::size_t number, const Json& json) {
   Primitive primitive;
   primitive.mesh = mesh;
   primitive.number = number;
+  if (const Json* material = member(json, "material")) primitive.material = whole(*material);
   std::vector<Loose> loose;
   std::vector<std::pair<std::shared_ptr<const Values>, std::shared_ptr<const Values>>> sets;
   for (const auto& [name, accessor] : attributes->items()) {

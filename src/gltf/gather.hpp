@@ -26,6 +26,7 @@ struct Attribute {
 
 struct Primitive {
   std::size_t mesh = 0, number = 0;     ///< of the file, of the mesh
+  std::optional<std::size_t> material;  ///< of the file
   std::vector<std::size_t> attributes;  ///< of Gathered::attributes, in the file's order
   std::size_t targets = 0;
   bool tangents = false;  ///< it has them: they are made anew

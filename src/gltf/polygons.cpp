@@ -26,8 +26,6 @@ int first_corner(const std::array<Vector3, 4>& p) {
 
 namespace {
 
-constexpr double hard_cosine = 0.985;  // normals that part by more than 10° are an edge that is meant to be seen
-
 /// First column of the normals of a primitive, or -1.
 Eigen::Index normal_column(const Gathered& gathered, Index primitive) {
   for (const std::size_t a : gathered.primitives[at(primitive)].attributes) {
@@ -47,6 +45,20 @@ std::optional<Vector3> Wedges::normal(Index wedge, Index primitive) const {
   const double length = n.norm();
   if (!(length > 0 && std::isfinite(length))) return std::nullopt;
   return Vector3(n / length);
+}
+
+bool Wedges::is_hard(Index halfedge) const {
+  const TriangleMesh<double>& mesh = gathered_.surface.asset.mesh;
+  const Index across = mesh.twin(halfedge);
+  if (across == no_index) return false;
+  const auto part = [&](Index a, Index b) {
+    const auto own = [&](Index c) {
+      return normal(gathered_.corner_vertex[at(c)], gathered_.surface.source_primitive[at(c / 3)]);
+    };
+    const auto n = own(a), m = own(b);
+    return n && m && !(n->dot(*m) > hard_cosine);
+  };
+  return part(halfedge, TriangleMesh<double>::next(across)) || part(TriangleMesh<double>::next(halfedge), across);
 }
 
 bool Wedges::joined(Index a, Index b) const {

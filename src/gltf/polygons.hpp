@@ -10,6 +10,9 @@
 
 namespace quadrig::gltf {
 
+/// Normals that part by more than 10° are an edge that is meant to be seen.
+inline constexpr double hard_cosine = 0.985;
+
 /// A triangle or a quad that lies in one primitive.
 struct Polygon {
   std::array<Index, 4> vertex{no_index, no_index, no_index, no_index};  ///< of the surface; the last: no_index or not
@@ -38,6 +41,8 @@ class Wedges {
   explicit Wedges(const Gathered& gathered, const Components& shells);
   /// Of each corner 3 f + i of the surface, one gathered vertex for all that are alike.
   [[nodiscard]] Index at_corner(Index corner) const { return of_corner_[static_cast<std::size_t>(corner)]; }
+  /// Whether the file's normals part across a half-edge: an edge that is meant to be seen, on a seam or not.
+  [[nodiscard]] bool is_hard(Index halfedge) const;
   /// Every face of the shell has its own normals: it is to be written so again.
   [[nodiscard]] bool flat(Index shell) const { return flat_[static_cast<std::size_t>(shell)]; }
   /// How unlike two gathered vertices are in what makes seams and in their normals.

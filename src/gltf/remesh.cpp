@@ -4,6 +4,8 @@
 #include <numeric>
 
 #include "assemble.hpp"
+#include "layers.hpp"
+#include "normals.hpp"
 #include "roots.hpp"
 
 namespace quadrig {
@@ -88,7 +90,7 @@ void set_weights(RemeshResult& all, const Asset& asset, const std::vector<const 
 }
 
 /// What came of all shells of a surface, in one result.
-void collect(Job& job, const Shells& shells, GltfRemeshed& done, Index influences) {
+void collect(Job& job, const Shells& shells, GltfRemeshed& done, GltfNormals normals, Index influences) {
   const Asset& asset = job.gathered.surface.asset;
   RemeshResult& result = done.result;
   std::vector<const SkinWeights*> weights;
@@ -102,10 +104,14 @@ void collect(Job& job, const Shells& shells, GltfRemeshed& done, Index influence
     done.snapped_edges += shell.field->snapped_edges;
   }
   if (asset.rig) set_weights(result, asset, weights);
-  add_field(job, result, influences);
+  std::vector<char> keep_normals(shells.list.size(), normals == GltfNormals::keep);
+  if (normals == GltfNormals::automatic)
+    keep_normals = authored_normals(job.gathered, *shells.wedges, shells.components);
+  for (std::size_t s = 0; s < shells.list.size(); ++s) done.kept_normals += shells.list[s].field && keep_normals[s];
+  add_field(job, shells, result, keep_normals, influences);
   for (const bool quads : {true, false})
     for (const Shell& shell : shells.list)
-      if (!shell.field) add_polygons(job, shells, shell, quads, influences);
+      if (!shell.field) add_polygons(job, shells, shell, quads, normals, influences);
   for (const Shell& shell : shells.list) {
     if (!shell.field) append(result, asset.mesh, shell.polygons);
     GltfShell& told = done.shells.emplace_back();
@@ -288,7 +294,8 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
         if (shell.failure) done.failures.push_back({gltf::shell_label(job.gathered, shells[s], shell), *shell.failure});
       }
       if (context.cancelled()) return cancelled_error("gltf");
-      gltf::collect(job, shells[s], done, options.remesh.influences);
+      done.moved_vertices = gltf::keep_layers(job.gathered, shells[s], context);
+      gltf::collect(job, shells[s], done, options.normals, options.remesh.influences);
       if (done.result.weights)
         if (const std::optional<std::string> lacking =
                 report_hinges(done.result.mesh, job.gathered.surface.asset.rig->skeleton, *done.result.weights,

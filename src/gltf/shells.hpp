@@ -1,6 +1,7 @@
 // Shells of surfaces: what each is, how many triangles it is due, and what it becomes.
 #pragma once
 
+#include <map>
 #include <optional>
 
 #include "measure.hpp"
@@ -24,6 +25,9 @@ struct Shell {
   // What it became: polygons of its own vertices, or quads of a field.
   std::vector<Polygon> polygons;
   std::optional<FieldQuads> field;
+  /// How far vertices of the surface were moved to keep to their side of what lies below: at rest, and so much more in
+  /// each morph target.
+  std::map<Index, std::vector<Vector3>> moved;
   GltfMake make = GltfMake::kept;
   Apart apart;
   std::optional<Error> failure;  ///< of the field, where it was to be one and is none

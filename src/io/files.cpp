@@ -69,4 +69,48 @@ Expected<std::string> io::read_file(const std::filesystem::path& path, const Fil
   return bytes;
 }
 
+Expected<std::string> io::read_text(const std::filesystem::path& path, const FileLimits& limits,
+                                    const Context* context) {
+  Expected<std::string> bytes = read_file(path, limits, context);
+  if (!bytes) return bytes;
+  return as_utf8(std::move(*bytes), path, context);
+}
+
+Expected<std::string> io::as_utf8(std::string bytes, const std::filesystem::path& path, const Context* context) {
+  const bool little = bytes.starts_with("\xFF\xFE"), big = bytes.starts_with("\xFE\xFF");
+  if (!little && !big) return bytes;
+  std::string text;
+  text.reserve(bytes.size() / 2);
+  const std::size_t units = bytes.size() / 2;
+  const auto unit = [&](std::size_t k) {
+    const auto byte = [&](std::size_t at) { return static_cast<std::uint32_t>(static_cast<unsigned char>(bytes[at])); };
+    return little ? byte(2 * k) | byte(2 * k + 1) << 8 : byte(2 * k) << 8 | byte(2 * k + 1);
+  };
+  const auto broken = [&](std::size_t k) {
+    return Error{ErrorCode::bad_input, "is no UTF-16", path.string() + ", byte " + std::to_string(2 * k),
+                 "save the text as UTF-8"};
+  };
+  if (bytes.size() % 2 != 0) return broken(units);
+  for (std::size_t k = 1; k < units; ++k) {
+    if (context && k % (1 << 20) == 0 && context->cancelled()) return cancelled_error("read");
+    std::uint32_t code = unit(k);
+    if (code >= 0xD800 && code < 0xE000) {
+      const std::uint32_t second = k + 1 < units ? unit(k + 1) : 0;
+      if (code >= 0xDC00 || second < 0xDC00 || second >= 0xE000) return broken(k);
+      code = 0x10000 + ((code - 0xD800) << 10) + (second - 0xDC00);
+      ++k;
+    }
+    const auto put = [&](std::uint32_t byte) { text.push_back(static_cast<char>(byte)); };
+    if (code < 0x80) {
+      put(code);
+    } else {
+      const int more = code < 0x800 ? 1 : code < 0x10000 ? 2 : 3;
+      constexpr std::uint32_t lead[] = {0, 0xC0, 0xE0, 0xF0};
+      put(lead[more] | code >> (6 * more));
+      for (int n = more - 1; n >= 0; --n) put(0x80 | (code >> (6 * n) & 0x3F));
+    }
+  }
+  return text;
+}
+
 }  // namespace quadrig

@@ -1,8 +1,54 @@
 // An asset from its files.
+#include <algorithm>
+#include <iomanip>
+#include <sstream>
+
 #include "keep.hpp"
 #include "scan.hpp"
 
 namespace quadrig {
+namespace {
+
+/// A surface that fell into single triangles is mostly one whose corners were rounded when it was written: how far
+/// apart the nearest of them are, or nothing where most parts are more than a triangle, or the triangles do not nearly
+/// touch.
+std::optional<std::string> loose_triangles(const TriangleMesh<double>& mesh) {
+  constexpr Index many = 20, most_looked_at = 500;
+  constexpr double near = 0.1, all_but_few = 0.9;  // of an edge; of the corners
+  const Components components = face_components(mesh);
+  const Index loose = 2 * components.count - mesh.face_count();  // at least so many parts of one triangle
+  if (loose < many || 2 * loose < components.count) return std::nullopt;
+  const auto at = [](Index i) { return static_cast<std::size_t>(i); };
+  std::vector<Index> order(at(mesh.vertex_count()));
+  for (Index v = 0; v < mesh.vertex_count(); ++v) order[at(v)] = v;
+  std::sort(order.begin(), order.end(),
+            [&](Index a, Index b) { return mesh.positions()(a, 0) < mesh.positions()(b, 0); });
+  std::vector<double> gap;
+  const std::size_t step = order.size() / std::min<std::size_t>(order.size(), most_looked_at);
+  double edge = 0;
+  for (std::size_t k = 0; k < order.size(); k += step) {
+    const Index v = order[k], own = mesh.outgoing(v) / 3;
+    double least = std::numeric_limits<double>::infinity();
+    for (const int way : {-1, 1})
+      for (std::size_t n = k + at(way); n < order.size(); n += at(way)) {  // runs out below 0 too
+        if (std::abs(mesh.positions()(order[n], 0) - mesh.positions()(v, 0)) >= least) break;
+        if (mesh.outgoing(order[n]) / 3 != own)
+          least = std::min(least, (mesh.position(order[n]) - mesh.position(v)).norm());
+      }
+    gap.push_back(least);
+    edge += mesh.edge_vector(mesh.outgoing(v)).norm();
+  }
+  edge /= static_cast<double>(gap.size());
+  std::sort(gap.begin(), gap.end());
+  const double widest = gap[static_cast<std::size_t>(all_but_few * static_cast<double>(gap.size() - 1))];
+  if (!(widest < near * edge)) return std::nullopt;
+  std::ostringstream text;
+  text << std::setprecision(2) << loose << " parts of one triangle; their nearest corners are " << widest
+       << " apart: try --weld-distance " << 2 * widest;
+  return text.str();
+}
+
+}  // namespace
 
 Expected<PolygonMesh> read_surface(const std::filesystem::path& path, const FileLimits& limits, Context& context) {
   std::string extension = path.extension().string();
@@ -10,8 +56,12 @@ Expected<PolygonMesh> read_surface(const std::filesystem::path& path, const File
   if (extension == ".obj") return read_obj(path, limits, context);
   if (extension == ".off") return read_off(path, limits, context);
   if (extension == ".ply") return read_ply(path, limits, context);
+  if (extension == ".stl") return read_stl(path, limits, context);
+  if (extension == ".3mf")
+    return Error{ErrorCode::unsupported, "3MF packages are not read", path.string(),
+                 "convert it to .stl, with PrusaSlicer's --export-stl or Python's trimesh"};
   return Error{ErrorCode::unsupported, io::shown(extension) + " is not a surface format that is read", path.string(),
-               "give an .obj, .off or .ply file"};
+               "give an .obj, .off, .ply or .stl file"};
 }
 
 Expected<LoadedAsset> load_asset(const AssetFiles& files, const LoadOptions& options, Context& context) {
@@ -67,6 +117,7 @@ Expected<LoadedAsset> load_asset(const AssetFiles& files, const LoadOptions& opt
   }
   LoadedAsset loaded;
   loaded.asset.mesh = std::move(prepared->mesh);
+  if (const auto loose = loose_triangles(loaded.asset.mesh)) context.warn("load", *loose);
   if (skeleton && !weights) {
     Expected<BoundWeights> bound = bind_weights(loaded.asset.mesh, *skeleton, *options.bind, context);
     if (!bound) return in_file(bound.error(), files.rig);

@@ -75,7 +75,7 @@ Index texture_of(std::string_view corner, std::int64_t so_far) {
 }  // namespace
 
 Expected<PolygonMesh> read_obj(const std::filesystem::path& path, const FileLimits& limits, Context& context) {
-  Expected<std::string> text = io::read_file(path, limits, &context);
+  Expected<std::string> text = io::read_text(path, limits, &context);
   if (!text) return text.error();
 
   PolygonMesh mesh;
@@ -83,7 +83,7 @@ Expected<PolygonMesh> read_obj(const std::filesystem::path& path, const FileLimi
   std::vector<std::size_t> face_line;
   std::vector<Index> polygon, corner_textures;
   mesh.first_corner.push_back(0);
-  Index unknown = 0, free_form = 0;
+  Index unknown = 0, free_form = 0, edges = 0;
   std::size_t unknown_line = 0;
   std::string unknown_word;
   TextureNumbers textures;
@@ -92,7 +92,7 @@ Expected<PolygonMesh> read_obj(const std::filesystem::path& path, const FileLimi
   Lines lines(*text);
   do {
     const std::string_view keyword = lines.word();
-    if (keyword.empty()) continue;
+    if (keyword.empty() || keyword.front() == '$') continue;  // some exporters begin comments so
     const std::size_t line = lines.line();
     if (line % 16'384 == 0 && context.cancelled()) return cancelled_error("read");
     if (keyword == "v") {
@@ -122,8 +122,11 @@ Expected<PolygonMesh> read_obj(const std::filesystem::path& path, const FileLimi
         polygon.push_back(static_cast<Index>(vertex));
         corner_textures.push_back(texture_of(word, textures.count()));
       }
-      if (polygon.size() < 3)
-        return at_line(path, line, "a face of " + std::to_string(polygon.size()) + " corners", "give it three or more");
+      if (polygon.empty()) return at_line(path, line, "a face without corners", "give it three or more");
+      if (polygon.size() < 3) {
+        ++edges;
+        continue;
+      }
       if (mesh.corners.size() + polygon.size() >= (std::size_t{1} << 31) || mesh.polygon_count() >= limits.polygons)
         return at_line(path, line, "too many faces", "use a smaller mesh");
       mesh.add_polygon(polygon);
@@ -188,6 +191,8 @@ Expected<PolygonMesh> read_obj(const std::filesystem::path& path, const FileLimi
     textures.unite(mesh.texture);
   std::erase_if(mesh.lines,
                 [&](const std::array<Index, 2>& line) { return std::max(line[0], line[1]) >= mesh.vertex_count(); });
+  if (edges > 0)
+    context.warn("read", path.string() + ": " + std::to_string(edges) + " faces of one or two corners left out");
   if (free_form > 0)
     context.warn("read", path.string() + ": " + std::to_string(free_form) + " free-form curves or surfaces left out");
   if (unknown > 0)

@@ -109,10 +109,25 @@ class Body {
   std::size_t left_ = 0, total_ = 0;
 };
 
+/// The triangles of a strip: each vertex makes one with the two before it, every other turned; −1 begins anew.
+void add_strip(const std::vector<Index>& strip, PolygonMesh& mesh) {
+  std::size_t begin = 0;
+  for (std::size_t k = 0; k < strip.size(); ++k) {
+    if (strip[k] == no_index) {
+      begin = k + 1;
+      continue;
+    }
+    if (k < begin + 2) continue;
+    const bool turned = (k - begin) % 2 != 0;
+    const std::array<Index, 3> triangle{strip[k - (turned ? 1 : 2)], strip[k - (turned ? 2 : 1)], strip[k]};
+    mesh.add_polygon(triangle);
+  }
+}
+
 }  // namespace
 
 Expected<PolygonMesh> read_ply(const std::filesystem::path& path, const FileLimits& limits, Context& context) {
-  Expected<std::string> text = io::read_file(path, limits, &context);
+  Expected<std::string> text = io::read_text(path, limits, &context);
   if (!text) return text.error();
   io::Cursor cursor(*text);
   const auto header_error = [&](std::string what) {
@@ -174,7 +189,7 @@ Expected<PolygonMesh> read_ply(const std::filesystem::path& path, const FileLimi
 
   PolygonMesh mesh;
   mesh.first_corner.push_back(0);
-  bool has_vertices = false, has_faces = false;
+  bool has_vertices = false, has_faces = false, has_strips = false;
   std::vector<Index> polygon;
   for (const Element& element : elements) {
     if (element.properties.empty()) continue;
@@ -186,13 +201,15 @@ Expected<PolygonMesh> read_ply(const std::filesystem::path& path, const FileLimi
       return body_error(std::to_string(element.count) + " entries of element " + shown(element.name) +
                         " are announced, more than the file can hold");
     const bool vertices = element.name == "vertex" && !has_vertices, faces = element.name == "face" && !has_faces;
+    const bool strips = element.name == "tristrips" && !has_strips;
     int axis[3] = {-1, -1, -1}, list = -1;
     for (int i = 0; i < static_cast<int>(element.properties.size()); ++i) {
       const Property& property = element.properties[static_cast<std::size_t>(i)];
       for (int k = 0; k < 3; ++k)
         if (vertices && !property.count_type && property.name == std::string_view("xyz").substr(std::size_t(k), 1))
           axis[k] = i;
-      if (faces && property.count_type && (property.name == "vertex_indices" || property.name == "vertex_index"))
+      if ((faces || strips) && property.count_type &&
+          (property.name == "vertex_indices" || property.name == "vertex_index"))
         list = i;
     }
     if (vertices) {
@@ -205,6 +222,9 @@ Expected<PolygonMesh> read_ply(const std::filesystem::path& path, const FileLimi
       if (element.count > limits.polygons) return header_error("too many faces");
       mesh.first_corner.reserve(static_cast<std::size_t>(element.count) + 1);
       has_faces = true;
+    } else if (strips) {
+      if (list < 0) return header_error("element 'tristrips' has no list vertex_indices");
+      has_strips = true;
     }
     for (std::int64_t row = 0; row < element.count; ++row) {
       if (row % 16'384 == 0 && context.cancelled()) return cancelled_error("read");
@@ -227,22 +247,31 @@ Expected<PolygonMesh> read_ply(const std::filesystem::path& path, const FileLimi
             value * static_cast<double>(body.least_size(property.type)) > static_cast<double>(body.bytes_left()))
           return row_error("a length of list " + shown(property.name) + " that the file cannot hold");
         const auto corners = static_cast<std::size_t>(value);
-        if (i == list && mesh.corners.size() + corners >= (std::size_t{1} << 31)) return row_error("too many corners");
+        // A strip has three corners for each of its own.
+        if (i == list && mesh.corners.size() + (strips ? 3 : 1) * corners >= (std::size_t{1} << 31))
+          return row_error("too many corners");
         polygon.clear();
         for (std::size_t k = 0; k < corners; ++k) {
           if (!body.read(property.type, value)) return row_error("no number in list " + shown(property.name));
           if (i != list) continue;
+          if (strips && value == -1) {
+            polygon.push_back(no_index);
+            continue;
+          }
           if (!(value >= 0 && value < 2147483648.0) || value != std::floor(value))
             return row_error("a vertex number that cannot be");
           polygon.push_back(static_cast<Index>(value));
         }
-        if (i == list && polygon.size() >= 3) mesh.add_polygon(polygon);
+        if (i != list) continue;
+        if (strips)
+          add_strip(polygon, mesh);
+        else if (polygon.size() >= 3)
+          mesh.add_polygon(polygon);
       }
     }
   }
   if (!has_vertices) return io::in_file(path, "has no element 'vertex'", "give a surface");
-  if (mesh.polygon_count() == 0)
-    return io::in_file(path, "has no faces", "give a surface; point clouds and triangle strips are not read");
+  if (mesh.polygon_count() == 0) return io::in_file(path, "has no faces", "give a surface; point clouds are not read");
   for (Index i = 0; i < mesh.polygon_count(); ++i)
     for (const Index v : mesh.polygon(i))
       if (v >= mesh.vertex_count())

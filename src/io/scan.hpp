@@ -17,6 +17,14 @@ namespace quadrig::io {
 [[nodiscard]] Expected<std::string> read_file(const std::filesystem::path& path, const FileLimits& limits,
                                               const Context* context = nullptr);
 
+/// Text as UTF-8: UTF-16 is converted where a mark at its begin says so. \fails bad_input where that is broken;
+/// cancelled
+[[nodiscard]] Expected<std::string> as_utf8(std::string bytes, const std::filesystem::path& path,
+                                            const Context* context = nullptr);
+/// A text file as UTF-8. \fails as read_file and as_utf8
+[[nodiscard]] Expected<std::string> read_text(const std::filesystem::path& path, const FileLimits& limits,
+                                              const Context* context = nullptr);
+
 /// The absolute name without links, `.` and `..`, as far as it is there.
 [[nodiscard]] std::filesystem::path canonical_name(const std::filesystem::path& path);
 /// Where a link leads, be that there or not.
@@ -45,10 +53,17 @@ namespace quadrig::io {
 
 [[nodiscard]] inline bool is_blank(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f'; }
 
+/// What ends the lines of a text: the first of '\n' and '\r', of both together '\n'.
+[[nodiscard]] inline char line_end_of(std::string_view text) {
+  const std::size_t first = text.find_first_of("\r\n");
+  return first != std::string_view::npos && text[first] == '\r' && text.substr(first + 1, 1) != "\n" ? '\r' : '\n';
+}
+
 /// Reads words line by line.
 class Cursor {
  public:
-  explicit Cursor(std::string_view text) : at_(text.data()), end_(text.data() + text.size()) {
+  explicit Cursor(std::string_view text)
+      : at_(text.data()), end_(text.data() + text.size()), line_end_(line_end_of(text)) {
     if (text.substr(0, 3) == "\xEF\xBB\xBF") at_ += 3;
   }
   [[nodiscard]] std::size_t line() const { return line_; }
@@ -59,10 +74,10 @@ class Cursor {
 
   /// The next word of this line; empty at its end. A comment, begun by `comment`, ends the line.
   std::string_view word(char comment = '\0') {
-    while (at_ != end_ && is_blank(*at_)) ++at_;
+    while (at_ != end_ && *at_ != line_end_ && is_blank(*at_)) ++at_;
     const char* first = at_;
     if (at_ != end_ && comment && *at_ == comment) {
-      while (at_ != end_ && *at_ != '\n') ++at_;
+      while (at_ != end_ && *at_ != line_end_) ++at_;
       return {};
     }
     while (at_ != end_ && !is_blank(*at_) && *at_ != '\n' && !(comment && *at_ == comment)) ++at_;
@@ -70,7 +85,7 @@ class Cursor {
   }
   /// To the first character of the next line. False at the end of the text.
   bool next_line() {
-    while (at_ != end_ && *at_ != '\n') ++at_;
+    while (at_ != end_ && *at_ != line_end_) ++at_;
     if (at_ == end_) return false;
     ++at_;
     ++line_;
@@ -87,6 +102,7 @@ class Cursor {
 
  private:
   const char *at_, *end_;
+  char line_end_;
   std::size_t line_ = 1;
 };
 

@@ -2,9 +2,10 @@
 
 namespace quadrig::samples {
 
-EditableMesh::EditableMesh(const TriangleMesh<double>& mesh) : live_faces_(mesh.face_count()) {
+EditableMesh::EditableMesh(const Shape& shape, const TriangleMesh<double>& mesh) : live_faces_(mesh.face_count()) {
   for (Index v = 0; v < mesh.vertex_count(); ++v) {
     points_.push_back(mesh.position(v));
+    planes_.push_back(planes_at(shape, mesh.position(v)));
     outgoing_.push_back(mesh.outgoing(v));
   }
   for (Index h = 0; h < mesh.halfedge_count(); ++h) {
@@ -19,6 +20,7 @@ void EditableMesh::split(Index h, const Vector3& middle) {
   const auto m = static_cast<Index>(points_.size());
   const Index h1_across = twin(h1), g2_across = twin(g2);
   points_.push_back(middle);
+  planes_.push_back(planes_along(h));
   outgoing_.push_back(h1);
   const Index k = halfedge_count(), l = k + 3;
   corners_.insert(corners_.end(), {m, b, c, b, m, d});
@@ -36,6 +38,20 @@ void EditableMesh::split(Index h, const Vector3& middle) {
   leave(b, k + 1);
   leave(c, k + 2);
   leave(d, g2);
+}
+
+bool EditableMesh::collapses_within(Index& h) const {
+  if (planes(origin(h)) == 0 && planes(target(h)) == 0) return true;
+  if ((planes(origin(h)) & ~planes(target(h))) != 0) h = twin(h);
+  const Index a = origin(h), b = target(h);
+  const auto pair = [](std::uint8_t bits) { return (bits & (bits - 1)) != 0; };
+  if ((planes(a) & ~planes(b)) != 0 || pair(planes(a))) return false;
+  bool fits = true;
+  around(a, [&](Index x) {
+    const std::uint8_t shared = planes(target(x)) & planes(b);
+    fits = fits && (target(x) == b || shared == 0 || (shared & planes(a)) == shared || adjacent(target(x), b));
+  });
+  return fits;
 }
 
 bool EditableMesh::collapse(Index h, const Vector3& place, double longest) {
@@ -60,6 +76,7 @@ bool EditableMesh::collapse(Index h, const Vector3& place, double longest) {
   around(b, [&](Index x) { leaving.push_back(x); });
   for (const Index x : leaving) origin(x) = a;
   at(a) = place;
+  planes_[static_cast<std::size_t>(a)] |= planes(b);
   join(to_c, from_c);  // a to c, c to a
   join(to_d, from_d);
   leave(a, to_c);
@@ -75,6 +92,7 @@ bool EditableMesh::collapse(Index h, const Vector3& place, double longest) {
 bool EditableMesh::flip_helps(Index h) const {
   const Index g = twin(h), a = origin(h), b = target(h), c = origin(prev(h)), d = origin(prev(g));
   if (c == d || valence(a) <= 3 || valence(b) <= 3 || adjacent(c, d)) return false;
+  if (planes_along(h) != 0 || (planes(c) & planes(d)) != 0) return false;
   const auto off = [](Index v) { return std::abs(v - 6); };
   const Index now = off(valence(a)) + off(valence(b)) + off(valence(c)) + off(valence(d));
   const Index then = off(valence(a) - 1) + off(valence(b) - 1) + off(valence(c) + 1) + off(valence(d) + 1);
@@ -110,25 +128,34 @@ void EditableMesh::relax(const Shape& shape, const Context& context) {
       Vector3 sum = Vector3::Zero(), gradient;
       double count = 0;
       around(static_cast<Index>(v), [&](Index h) {
+        if (planes_along(h) != planes_[v]) return;
         sum += at(target(h));
         count += 1;
       });
+      if (!(count > 0)) continue;  // where planes meet
       (void)shape.distance(points_[v], gradient);
       const Vector3 n = gradient.normalized(), step = sum / count - points_[v];
-      moved[v] = project(shape, points_[v] + step - step.dot(n) * n, 2);
+      moved[v] = project_within(shape, planes_[v], points_[v] + step - step.dot(n) * n, 2);
     }
   });
   points_ = std::move(moved);
 }
 
 void EditableMesh::remesh_round(const Shape& shape, double length_wanted, const Context& context) {
-  const double longest = 4.0 / 3 * length_wanted, shortest = 0.8 * length_wanted;
+  const auto wanted = [&](Index h) {
+    return shape.grading ? length_wanted * shape.grading((at(origin(h)) + at(target(h))) / 2) : length_wanted;
+  };
+  const auto middle = [&](Index h) {
+    return project_within(shape, planes_along(h), (at(origin(h)) + at(target(h))) / 2, 2);
+  };
   const Index before = halfedge_count();
   for (Index h = 0; h < before; ++h)
-    if (live(h) && h < twin(h) && length(h) > longest) split(h, project(shape, (at(origin(h)) + at(target(h))) / 2, 2));
-  for (Index h = 0; h < halfedge_count(); ++h)
-    if (live(h) && h < twin(h) && length(h) < shortest)
-      collapse(h, project(shape, (at(origin(h)) + at(target(h))) / 2, 2), longest);
+    if (live(h) && h < twin(h) && length(h) > 4.0 / 3 * wanted(h)) split(h, middle(h));
+  for (Index h = 0; h < halfedge_count(); ++h) {
+    Index g = h;
+    if (live(h) && h < twin(h) && length(h) < 0.8 * wanted(h) && collapses_within(g))
+      collapse(g, planes(origin(g)) == planes(target(g)) ? middle(g) : at(target(g)), 4.0 / 3 * wanted(h));
+  }
   for (Index h = 0; h < halfedge_count(); ++h)
     if (live(h) && h < twin(h) && flip_helps(h)) flip(h);
   relax(shape, context);

@@ -9,10 +9,10 @@ namespace quadrig::samples {
 /// holes until `compact`. \pre closed and manifold; every operation keeps that.
 class EditableMesh {
  public:
-  explicit EditableMesh(const TriangleMesh<double>& mesh);
+  EditableMesh(const Shape& shape, const TriangleMesh<double>& mesh);
 
-  /// One round towards edges of the given length: split what is longer than 4/3, collapse what is shorter than 4/5,
-  /// flip towards valence 6, relax along the surface (Botsch and Kobbelt 2004).
+  /// One round towards edges of the given length, times the shape's grading: split what is longer than 4/3, collapse
+  /// what is shorter than 4/5, flip towards valence 6, relax along the surface (Botsch and Kobbelt 2004).
   void remesh_round(const Shape& shape, double length, const Context& context);
   [[nodiscard]] Index face_count() const { return live_faces_; }
   [[nodiscard]] Expected<TriangleMesh<double>> compact() const;
@@ -59,11 +59,17 @@ class EditableMesh {
   void split(Index h, const Vector3& middle);
   bool collapse(Index h, const Vector3& place, double longest);
   bool flip_helps(Index h) const;
+  // Curves of kept planes: an edge between vertices of one plane lies on its curve, and no other edge may become one.
+  [[nodiscard]] std::uint8_t planes(Index v) const { return planes_[static_cast<std::size_t>(v)]; }
+  [[nodiscard]] std::uint8_t planes_along(Index h) const { return planes(origin(h)) & planes(target(h)); }
+  /// Turns the half-edge so that it runs from the vertex that may move. False: its ends must stay apart.
+  bool collapses_within(Index& h) const;
   void flip(Index h);
   void relax(const Shape& shape, const Context& context);
 
   std::vector<Vector3> points_;
   std::vector<Index> corners_, twins_, outgoing_;
+  std::vector<std::uint8_t> planes_;  ///< a bit for each kept plane that the vertex lies on
   Index live_faces_ = 0;
 };
 

@@ -1,7 +1,7 @@
 // The four shapes and their skeletons.
 #include "quadrig/samples.hpp"
 
-#include "shape.hpp"
+#include "head.hpp"
 
 namespace quadrig {
 namespace samples {
@@ -186,10 +186,18 @@ Shape humanoid() {
   return limbed(limbs, 0.012, 0.016, skeleton);
 }
 
+Eigen::MatrixXd given_weights(const Shape& shape, const TriangleMesh<double>& mesh) {
+  Eigen::MatrixXd weights(mesh.vertex_count(), shape.skeleton.bone_count());
+  if (!shape.weights) return weights;
+  for (Index v = 0; v < mesh.vertex_count(); ++v) weights.row(v) = shape.weights(mesh.position(v));
+  return weights;
+}
+
 constexpr SampleInfo known[] = {
     {"pear", "a body of revolution with two bones end to end", 2},
     {"box_torus", "a square ring of square section with a bone along each side", 4},
     {"humanoid", "a standing figure, arms half lowered", 21},
+    {"head", "a head on a bust: lids, lips, inner mouth, ears", 4},
     {"wing", "a flat sheet of ridges over four bones side by side", 4},
 };
 
@@ -198,34 +206,65 @@ constexpr SampleInfo known[] = {
 
 std::span<const SampleInfo> sample_infos() { return samples::known; }
 
+namespace samples {
+namespace {
+
+Expected<Shape> shape_of(std::string_view name) {
+  if (name == "pear") return pear();
+  if (name == "box_torus") return box_torus();
+  if (name == "humanoid") return humanoid();
+  if (name == "wing") return wing();
+  if (name == "head") return head::shape();
+  std::string names;
+  for (const SampleInfo& info : known) names += (names.empty() ? "" : ", ") + std::string(info.name);
+  return Error{ErrorCode::bad_option, "no sample is called '" + std::string(name) + "'", "sample",
+               "name one of " + names};
+}
+
+/// The asset as a character of one part.
+Character plain_character(std::string_view name, const Asset& asset) {
+  Character made;
+  made.name = name;
+  made.skeleton = asset.rig->skeleton;
+  made.materials = {{std::string(name), {0.8, 0.7, 0.6, 1}}};
+  Part part;
+  part.positions = asset.mesh.positions();
+  part.faces = asset.mesh.faces();
+  part.normals = vertex_normals(part.positions, part.faces);
+  part.weights = Eigen::MatrixXd(asset.rig->weights);
+  CharacterMesh mesh{made.name, {std::move(part)}, {}, no_index, {}};
+  for (Index b = 0; b < made.skeleton.bone_count(); ++b) mesh.joints.push_back(b);
+  made.meshes.push_back(std::move(mesh));
+  return made;
+}
+
+}  // namespace
+}  // namespace samples
+
+Expected<std::string> make_sample_glb(std::string_view name, Index triangles, Context& context) {
+  const Expected<Asset> asset = make_sample(name, triangles, context);
+  if (!asset) return asset.error();
+  if (name != "head") return samples::character_glb(samples::plain_character(name, *asset));
+  return samples::character_glb(samples::head::character(samples::head::shape(), asset->mesh));
+}
+
 Expected<Asset> make_sample(std::string_view name, Index triangles, Context& context) {
   using namespace samples;
   constexpr Index least = 500, most = 4'000'000, base = 20'000;
   if (triangles < least || triangles > most)
     return Error{ErrorCode::bad_option, std::to_string(triangles) + " triangles are outside [500, 4000000]", "sample",
                  "ask for a number in that range"};
-  Shape shape;
-  if (name == "pear")
-    shape = pear();
-  else if (name == "box_torus")
-    shape = box_torus();
-  else if (name == "humanoid")
-    shape = humanoid();
-  else if (name == "wing")
-    shape = wing();
-  else {
-    std::string names;
-    for (const SampleInfo& info : known) names += (names.empty() ? "" : ", ") + std::string(info.name);
-    return Error{ErrorCode::bad_option, "no sample is called '" + std::string(name) + "'", "sample",
-                 "name one of " + names};
-  }
+  Expected<Shape> known_shape = shape_of(name);
+  if (!known_shape) return known_shape.error();
+  Shape& shape = *known_shape;
   Index coarse = triangles;
   while (coarse > base) coarse /= 4;  // large ones are subdivided from a mesh a quarter as large, and so on
   context.progress("sample", 0);
   Expected<TriangleMesh<double>> mesh = surface_mesh(shape, coarse, context);
   if (!mesh) return mesh.error();
   context.progress("sample", 0.3);
-  Expected<Eigen::MatrixXd> weights = heat_weights(shape, *mesh, context);
+  Expected<Eigen::MatrixXd> weights = given_weights(shape, *mesh);
+  if (!shape.weights) weights = heat_weights(shape, *mesh, context);
   if (!weights) return weights.error();
   for (; coarse * 4 <= triangles; coarse *= 4) {
     mesh = subdivide(shape, *mesh, *weights, context);

@@ -91,7 +91,7 @@ TEST_CASE("command: a file that is not there or not writable is exit code 3", "[
   write_text(folder / "a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
   CHECK(run_quadrig(folder, "stats none.obj").exit_code == 3);
   CHECK(run_quadrig(folder, "field a.obj --report nowhere/report.json").exit_code == 3);
-  CHECK(run_quadrig(folder, "stats a.stl").exit_code == 5);
+  CHECK(run_quadrig(folder, "stats a.fbx").exit_code == 5);
   CHECK(names_in(folder.path()) == std::vector<std::string>{"a.obj"});
 }
 

@@ -2,8 +2,9 @@
 """Remeshes every surface of some folders at several densities and prints one table.
 
 A surface is an .obj, .off or .ply file; the .tgf and .dmat files beside it are its rig where there is one of each.
-Ends with an error where the command crashed, hung, or gave a result that its own report calls invalid: a refusal is an
-answer, a bad mesh is not.
+Ends with an error where the command crashed, hung, gave a result that its own report calls invalid, or lost a part of
+the surface without a warning: a refusal is an answer, a bad mesh is not. `far` is the farthest point of a part from its
+quads, in edges of these.
 """
 
 import argparse
@@ -22,7 +23,7 @@ def cpu_seconds():
 
 def surfaces(folder):
     for path in sorted(folder.rglob("*")):
-        if path.suffix.lower() not in (".obj", ".off", ".ply"):
+        if path.suffix.lower() not in (".obj", ".off", ".ply", ".stl"):
             continue
         rigs = sorted(path.parent.glob("*.tgf"))
         weights = sorted(path.parent.glob("*weights*.dmat"))
@@ -33,6 +34,11 @@ def surfaces(folder):
 def lowest_rung(components):
     order = ["fine-map", "coarse-map", "split"]
     return max((part["rung"] for part in components), key=order.index, default="")
+
+
+def farthest(figures):
+    """Of the parts, in edges of their quads."""
+    return max(part["farthest"] / part["edge"] for part in figures["components"])
 
 
 def remesh(command, path, rig, quads, timeout):
@@ -49,12 +55,15 @@ def remesh(command, path, rig, quads, timeout):
         seconds = cpu_seconds() - before
         if done.returncode < 0:
             return "crashed", f"signal {-done.returncode}", None, seconds
-        if done.returncode != 0:
+        parts_astray = 9
+        if done.returncode not in (0, parts_astray):
             if out.exists():
                 return "invalid", "left a mesh behind an error", None, seconds
             reason = done.stderr.strip().splitlines()
             return "refused", reason[-1] if reason else f"exit code {done.returncode}", None, seconds
         figures = json.loads(report.read_text())
+        if farthest(figures) > 1.5 and not any(text.startswith("coverage: ") for text in figures["warnings"]):
+            return "lossy", "a part is missing, and no warning says so", figures, seconds
         return "valid", "", figures, seconds
 
 
@@ -71,8 +80,8 @@ def main():
             sys.exit(f"{folder} is no folder")
 
     tally, rungs = {}, {}
-    print("| surface | rig | asked | result | quads | irregular | SJ avg | SJ min | rung | CPU s |")
-    print("|---|---|---|---|---|---|---|---|---|---|")
+    print("| surface | rig | asked | result | quads | irregular | SJ avg | SJ min | far | rung | CPU s |")
+    print("|---|---|---|---|---|---|---|---|---|---|---|")
     for folder, path, rig in ((f, p, r) for f in arguments.folder for p, r in surfaces(f)):
         if arguments.only not in str(path):
             continue
@@ -85,14 +94,14 @@ def main():
                 rung = lowest_rung(figures["components"])
                 rungs[rung] = rungs.get(rung, 0) + 1
                 cells += [result, figures["quads"], figures["irregular"]]
-                cells += [f"{jacobian['average']:.3f}", f"{jacobian['minimum']:.3f}", rung]
+                cells += [f"{jacobian['average']:.3f}", f"{jacobian['minimum']:.3f}", f"{farthest(figures):.2f}", rung]
             else:
-                cells += [f"{result}: {reason}", "", "", "", "", ""]
+                cells += [f"{result}: {reason}", "", "", "", "", "", ""]
             cells.append(f"{seconds:.2f}")
             print("| " + " | ".join(str(cell) for cell in cells) + " |", flush=True)
     for counts in (tally, rungs):
         print(", ".join(f"{count} {name}" for name, count in sorted(counts.items())))
-    sys.exit(1 if {"crashed", "hung", "invalid"} & tally.keys() or not tally else 0)
+    sys.exit(1 if {"crashed", "hung", "invalid", "lossy"} & tally.keys() or not tally else 0)
 
 
 if __name__ == "__main__":

@@ -135,6 +135,7 @@ bool run_surface(std::string_view bytes,
 bool run_obj(std::string_view bytes) { return run_surface(bytes, read_obj); }
 bool run_off(std::string_view bytes) { return run_surface(bytes, read_off); }
 bool run_ply(std::string_view bytes) { return run_surface(bytes, read_ply); }
+bool run_stl(std::string_view bytes) { return run_surface(bytes, read_stl); }
 bool run_tgf(std::string_view bytes) {
   Context context;
   return read_tgf(file_of(bytes), file_limits, context).has_value();
@@ -204,13 +205,37 @@ std::vector<std::string> obj_seeds() {
   for (Index q = 0; q < 6; ++q)
     for (int i = 0; i < 4; ++i) quads.quads(q, i) = mesh.corners[static_cast<std::size_t>(4 * q + i)];
   const std::string text = obj_text(quads);
-  return {text, "# relative\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\ng a\nusemtl b\nf -3/1/1 -2//1 -1/1\n"};
+  const std::string other =
+      "# relative\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\ng a\nusemtl b\nf -3/1/1 -2//1 -1/1\n";
+  std::string wide = "\xFF\xFE", returns = "$ of a Mac\rf 1 2\r" + text;
+  for (const char c : other) (wide += c) += '\0';
+  std::replace(returns.begin(), returns.end(), '\n', '\r');
+  return {text, other, wide, returns};
 }
 
 std::vector<std::string> off_seeds() {
   return {"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
           "COFF # colours\n4 2 0\n0 0 0 255 0 0 255\n1 0 0 0 0 0 1\n0 1 0 0 0 0 1\n0 0 1 0 0 0 1\n3 0 1 2\n3 0 3 1 9 9 "
-          "9\n"};
+          "9\n",
+          "noff4 1 0\n0 0 0 0 0 1\n1 0 0 0 0 1\n1 1 0 0 0 1\n0 1 0 0 0 1\n4 0 1\n2\n3\n",
+          std::string("OFF BINARY\n\0\0\0\3\0\0\0\1\0\0\0\0", 23) + std::string(12, '\0') +
+              std::string("\x3f\x80\0\0\0\0\0\0\0\0\0\0\0\0\0\0\x3f\x80\0\0\0\0\0\0", 24) +
+              std::string("\0\0\0\3\0\0\0\0\0\0\0\1\0\0\0\2\0\0\0\0", 20)};
+}
+
+std::vector<std::string> stl_seeds() {
+  const std::string text =
+      "solid s\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
+      "endsolid s\n";
+  std::string bytes("solid of bytes");
+  bytes.resize(80, ' ');
+  bytes += std::string("\1\0\0\0", 4) + std::string(12, '\0');
+  for (const float x : {0.F, 0.F, 0.F, 1.F, 0.F, 0.F, 0.F, 1.F, 0.F}) {
+    std::string four(sizeof x, '\0');
+    std::memcpy(four.data(), &x, sizeof x);
+    bytes += four;
+  }
+  return {text, bytes + std::string(2, '\0')};
 }
 
 std::vector<std::string> ply_seeds() {
@@ -239,7 +264,11 @@ std::vector<std::string> ply_seeds() {
     }
     text += "\n";
   }
-  return {text, little, big};
+  const std::string strips =
+      "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+      "element tristrips 1\nproperty list int int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n1 1 0\n"
+      "8 0 1 2 3 -1 3 1 0\n";
+  return {text, little, big, strips};
 }
 
 std::vector<std::string> tgf_seeds() {
@@ -263,7 +292,7 @@ std::vector<std::string> dmat_seeds() {
 constexpr FuzzTarget plain[] = {
     {"glb", run_glb, glb_seeds}, {"json", run_json, json_seeds}, {"accessors", run_accessors, accessor_seeds},
     {"obj", run_obj, obj_seeds}, {"off", run_off, off_seeds},    {"ply", run_ply, ply_seeds},
-    {"tgf", run_tgf, tgf_seeds}, {"dmat", run_dmat, dmat_seeds}};
+    {"stl", run_stl, stl_seeds}, {"tgf", run_tgf, tgf_seeds},    {"dmat", run_dmat, dmat_seeds}};
 
 }  // namespace
 

@@ -121,8 +121,9 @@ struct Include {
     };
     const bool public_header = *relative.begin() == "include";
     const bool c_interface = relative == fs::path("include/quadrig/c.h");
-    // A file of solver/ wraps a library of its own.
-    const bool backend = relative.generic_string().starts_with("include/quadrig/solver/");
+    // A file of solver/ wraps a library of its own, as subdivision.ipp does.
+    const bool backend = relative.generic_string().starts_with("include/quadrig/solver/") ||
+                         relative == fs::path("include/quadrig/subdivision.ipp");
     const std::string module = public_header ? module_of(file.lexically_relative(root / "include")) : "src";
     const auto known = order.find(module);
     if (!c_interface && known == order.end()) {

@@ -55,6 +55,14 @@ class DrawnQuads {
     return length > 0 ? Vector3(n / length) : Vector3::Zero();
   }
 
+  [[nodiscard]] double area(Index triangle) const {
+    const std::array<Vector3, 3> p = points(triangle);
+    return (p[1] - p[0]).cross(p[2] - p[0]).norm() / 2;
+  }
+  [[nodiscard]] Vector3 point(Index triangle, const Vector3& barycentric) const {
+    const std::array<Vector3, 3> p = points(triangle);
+    return barycentric[0] * p[0] + barycentric[1] * p[1] + barycentric[2] * p[2];
+  }
   [[nodiscard]] Place on(Index triangle, const Vector3& p) const {
     const std::array<Vector3, 3> q = points(triangle);
     const SurfaceHit hit = closest_on_triangle(p, q[0], q[1], q[2]);

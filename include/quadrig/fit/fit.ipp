@@ -2,10 +2,10 @@
 #pragma once
 
 #include "quadrig/fit.hpp"
-#include "quadrig/fit/drawn.hpp"
+#include "quadrig/fit/border_samples.hpp"
 #include "quadrig/fit/influences.hpp"
 #include "quadrig/fit/normal_equations.hpp"
-#include "quadrig/fit/samples.hpp"
+#include "quadrig/fit/posed_rows.hpp"
 
 namespace quadrig {
 
@@ -25,13 +25,6 @@ QUADRIG_INLINE Status FitOptions::validate() const {
 
 namespace detail {
 
-/// One row of the least squares: where a pose takes a sample, by the plane of the surface there.
-struct PosedRow {
-  Index pose = 0;
-  double weight = 0, offset = 0;  ///< offset: normal · position
-  Vector3 normal;
-};
-
 class LeastSquaresFit {
  public:
   LeastSquaresFit(const TriangleMesh<double>& surface, QuadMesh quads, const FitMotion& motion, std::vector<char> held,
@@ -42,43 +35,32 @@ class LeastSquaresFit {
         context_(context),
         quads_(std::move(quads)),
         start_(quads_.positions),
-        drawn_(quads_),
-        held_(std::move(held)) {
-    held_.resize(at(quads_.vertex_count()), 0);
-    for (Index side = 0; side < 4 * quads_.quad_count(); ++side)
-      if (drawn_.twin(side) == no_index)
-        held_[at(corner(side))] = held_[at(quads_.quads(side / 4, (side + 1) % 4))] = 1;
-    for (Index v = 0; v < quads_.vertex_count(); ++v)
-      if (drawn_.corners().at(v).empty()) held_[at(v)] = 1;
-  }
+        held_(std::move(held)) {}
 
   [[nodiscard]] Expected<FittedQuads> run(const SolverFactory<double>& factory) {
     FittedQuads result;
     if (Status status = check(); !status.ok()) return status.error();
     if (Status status = carry_weights(); !status.ok()) return status.error();
-    const auto quads = static_cast<double>(quads_.quad_count());
-    samples_ = sample_surface(surface_, options_.samples * quads, 4 * options_.samples * quads);
-    if (context_.cancelled()) return cancelled_error("fit");
-    locate();
-    choose_diagonals();
-    if (context_.cancelled()) return cancelled_error("fit");
+    if (Status status = place_samples(); !status.ok()) return status.error();
+    hold_vertices();
     if (Status status = project_morphs(factory); !status.ok()) return status.error();
-    collect_rows();
+    const PosedRows rows(surface_, motion_, *basis_, *samples_, weights_, context_);
+    rows_ = &rows;
     if (context_.cancelled()) return cancelled_error("fit");
     limit_influences(result.report);
-    measure(result.report.rest_before, result.report.posed_before);
-    if (options_.method == FitMethod::surface && options_.rounds > 0)
+    measure(result.report.rest_before, result.report.back_before, result.report.posed_before);
+    if (options_.method != FitMethod::none && options_.method != FitMethod::slide && options_.rounds > 0)
       if (Status status = solve_rounds(factory, result.report); !status.ok()) return status.error();
     if (result.report.rounds > 0)
       if (Status status = project_morphs(factory); !status.ok()) return status.error();
-    measure(result.report.rest_after, result.report.posed_after);
+    measure(result.report.rest_after, result.report.back_after, result.report.posed_after);
     for (Index v = 0; v < quads_.vertex_count(); ++v) {
       result.report.largest_move =
           std::max(result.report.largest_move, (quads_.positions.row(v) - start_.row(v)).norm());
-      if (!drawn_.corners().at(v).empty() && quads_.source[at(v)].face != no_index)
+      if (has_quads(v) && quads_.source[at(v)].face != no_index)
         quads_.source[at(v)] = walk_closest(surface_, quads_.positions.row(v).transpose(), quads_.source[at(v)]);
     }
-    begin_at_diagonals();
+    if (basis_->is_flat()) begin_at_diagonals();
     if (motion_.weights) result.weights = std::move(weights_);
     result.mesh = std::move(quads_);
     result.morphs = std::move(morphs_);
@@ -86,17 +68,6 @@ class LeastSquaresFit {
   }
 
  private:
-  [[nodiscard]] Index corner(Index c) const { return quads_.quads(c / 4, c % 4); }
-  [[nodiscard]] std::vector<std::array<Index, 4>> patches() const {
-    std::vector<std::array<Index, 4>> result;
-    for (Index q = 0; q < quads_.quad_count(); ++q)
-      result.push_back({quads_.quads(q, 0), quads_.quads(q, 1), quads_.quads(q, 2), quads_.quads(q, 3)});
-    return result;
-  }
-  [[nodiscard]] Index vertex(Index triangle, int i) const {
-    return quads_.quads(triangle / 2, drawn_.corner(triangle, i));
-  }
-
   [[nodiscard]] Status check() const {
     const auto misfit = [](std::string what, std::string where) {
       return Status(Error{ErrorCode::bad_input, std::move(what), std::move(where), "give what belongs to the surface"});
@@ -124,248 +95,59 @@ class LeastSquaresFit {
     weights_ = std::move(*all);
     return {};
   }
-
-  /// Each sample's place on the quads, by way of the surface: a face begins where its neighbour was found, the first
-  /// where a vertex lies. So no sample is placed on another sheet that happens to be near.
-  void locate() {
-    std::vector<Index> found(at(surface_.face_count()), no_index);
-    std::vector<Index> queue;
-    for (Index v = 0; v < quads_.vertex_count(); ++v) {
-      const auto at_v = drawn_.corners().at(v);
-      const Index face = quads_.source[at(v)].face;
-      if (at_v.empty() || face == no_index || found[at(face)] != no_index) continue;
-      found[at(face)] = 2 * (at_v[0] / 4);
-      queue.push_back(face);
+  [[nodiscard]] Status place_samples() {
+    if (options_.method == FitMethod::subdivision) {
+      Expected<Subdivision> subdivision = subdivide(quads_.quads, quads_.vertex_count());
+      if (!subdivision) return subdivision.error();
+      basis_.emplace(quads_, std::move(*subdivision));
+    } else {
+      basis_.emplace(quads_);
     }
-    for (std::size_t k = 0; k < queue.size(); ++k) {
-      if (k % 4096 == 0 && context_.cancelled()) return;
-      const Index face = queue[k];
-      const SurfacePoint centre{face, Vector3::Constant(1.0 / 3)};
-      found[at(face)] = drawn_.walk(position(surface_, centre), found[at(face)]).triangle;
-      for (Index h = 3 * face; h < 3 * face + 3; ++h)
-        if (const Index twin = surface_.twin(h); twin != no_index && found[at(twin / 3)] == no_index) {
-          found[at(twin / 3)] = found[at(face)];
-          queue.push_back(twin / 3);
-        }
+    const double least = options_.samples * static_cast<double>(quads_.quad_count());
+    samples_.emplace(surface_, sample_surface(surface_, least, 4 * least), motion_.face_weights, quads_.source, *basis_,
+                     context_);
+    if (context_.cancelled()) return cancelled_error("fit");
+    samples_->place(quads_.positions);
+    if (context_.cancelled()) return cancelled_error("fit");
+    constexpr double across_quad = 4;  // samples of a border
+    const double side = std::sqrt(surface_.total_area() / std::max<Index>(1, quads_.quad_count()));
+    if (basis_->is_flat())
+      borders_.emplace(*basis_);
+    else
+      borders_.emplace(surface_, *basis_, side / across_quad);
+    return {};
+  }
+  /// Border vertices of flat quads lie on the border already; those of a cage are fitted to it, but for its corners.
+  void hold_vertices() {
+    held_.resize(at(quads_.vertex_count()), 0);
+    for (Index v = 0; v < quads_.vertex_count(); ++v)
+      if (!has_quads(v)) held_[at(v)] = 1;
+    if (!basis_->is_flat()) {
+      const QuadCorners corners(quads_);
+      for (Index v = 0; v < quads_.vertex_count(); ++v)
+        if (corners.at(v).size() == 1) held_[at(v)] = 1;
+      return;
     }
-    places_.resize(samples_.size());
-    for (std::size_t s = 0; s < samples_.size(); ++s) {
-      places_[s].triangle = found[at(samples_.point[s].face)];
-      if (!motion_.face_weights.empty()) samples_.area[s] *= motion_.face_weights[at(samples_.point[s].face)];
-    }
-    place();
+    const DrawnQuads cage(quads_);
+    for (Index side = 0; side < 4 * quads_.quad_count(); ++side)
+      if (cage.twin(side) == no_index)
+        held_[at(quads_.quads(side / 4, side % 4))] = held_[at(quads_.quads(side / 4, (side + 1) % 4))] = 1;
   }
-  /// Places after the vertices have moved.
-  void place() {
-    drawn_.set_positions(quads_.positions);
-    context_.parallel_for(places_.size(), 2048, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t s = begin; s < end; ++s)
-        if (places_[s].triangle != no_index) places_[s] = drawn_.walk(samples_.position[s], places_[s].triangle);
-    });
-    sort_by_quad();
-  }
-  void sort_by_quad() {
-    first_.assign(at(quads_.quad_count()) + 1, 0);
-    for (const Place& place : places_)
-      if (place.triangle != no_index) ++first_[at(place.triangle / 2) + 1];
-    for (std::size_t q = 1; q < first_.size(); ++q) first_[q] += first_[q - 1];
-    by_quad_.resize(first_.back());
-    std::vector<std::size_t> next(first_.begin(), first_.end() - 1);
-    for (std::size_t s = 0; s < places_.size(); ++s)
-      if (places_[s].triangle != no_index) by_quad_[next[at(places_[s].triangle / 2)]++] = s;
-  }
-  [[nodiscard]] std::span<const std::size_t> samples_of(Index quad) const {
-    return std::span(by_quad_).subspan(first_[at(quad)], first_[at(quad) + 1] - first_[at(quad)]);
-  }
-  /// A sample that faces away from its place says nothing about it.
-  [[nodiscard]] double weight(std::size_t s) const {
-    constexpr double facing = 0.2;
-    return drawn_.normal(places_[s].triangle).dot(samples_.normal[s]) > facing ? samples_.area[s] : 0;
-  }
-
-  /// Of both diagonals the one that lies nearer to the surface, as long as neither half folds over the other. Samples
-  /// are placed on both: vertices are fitted to the mean of the two, as a choice that differs from quad to quad would
-  /// leave its pattern in their lines.
-  void choose_diagonals() {
-    const auto cubed = [](double x) { return x * x * x; };
-    constexpr double worth = 0.95;  // of the error of the first, below which the second is taken
-    on_corners_.resize(places_.size());
-    context_.parallel_for(at(quads_.quad_count()), 256, [&](std::size_t begin, std::size_t end) {
-      std::vector<Place> found[2];
-      for (std::size_t k = begin; k < end; ++k) {
-        const auto q = static_cast<Index>(k);
-        const std::span<const std::size_t> own = samples_of(q);
-        for (const std::size_t s : own) on_corners_[s].setZero();
-        double error[2];
-        for (int d = 0; d < 2; ++d) {
-          drawn_.set_diagonal(q, d);
-          found[d].clear();
-          error[d] = drawn_.normal(2 * q).dot(drawn_.normal(2 * q + 1)) > 0
-                         ? 0
-                         : 1e6 * surface_.total_area() * surface_.total_area();
-          for (const std::size_t s : own) {
-            const Place one = drawn_.on(2 * q, samples_.position[s]),
-                        other = drawn_.on(2 * q + 1, samples_.position[s]);
-            const Place& nearer = found[d].emplace_back(other.squared_distance < one.squared_distance ? other : one);
-            error[d] += samples_.area[s] * nearer.squared_distance;
-          }
-        }
-        const double sum = error[0] + error[1];
-        for (int d = 0; d < 2; ++d) {
-          // 1/2 between equals; 0.9 where the other's error is twice as large
-          const double ratio = sum > 0 ? error[1 - d] / sum : 0.5,
-                       weight = cubed(ratio) / (cubed(ratio) + cubed(1 - ratio));
-          for (std::size_t n = 0; n < own.size(); ++n)
-            for (int i = 0; i < 3; ++i)
-              on_corners_[own[n]][DrawnQuads::corner(found[d][n].triangle, i, d)] +=
-                  weight * found[d][n].barycentric[i];
-        }
-        const int best = error[1] < worth * error[0] ? 1 : 0;
-        drawn_.set_diagonal(q, best);
-        for (std::size_t n = 0; n < own.size(); ++n) places_[own[n]] = found[best][n];
-      }
-    });
+  [[nodiscard]] bool has_quads(Index v) const { return !basis_->drawn().corners().at(basis_->drawn_vertex(v)).empty(); }
+  [[nodiscard]] std::vector<std::span<const Index>> patches() const {
+    std::vector<std::span<const Index>> result;
+    for (Index q = 0; q < quads_.quad_count(); ++q) result.push_back(basis_->patch(q));
+    return result;
   }
   void begin_at_diagonals() {
     for (Index q = 0; q < quads_.quad_count(); ++q)
-      if (drawn_.diagonal(q) != 0) {
+      if (basis_->drawn().diagonal(q) != 0) {
         const Eigen::Matrix<Index, 1, 4> quad = quads_.quads.row(q);
         quads_.quads.row(q) << quad[1], quad[2], quad[3], quad[0];
       }
   }
 
-  // --- poses -----------------------------------------------------------------------------------------------------
-
-  [[nodiscard]] std::size_t pose_count() const { return motion_.poses.size(); }
-
-  /// The poses that bend each quad, or the surface below it: of those every sample has a row of its own; the others
-  /// move it as one body, and count as its rest pose once more. Morph targets are poses after the others.
-  void collect_rows() {
-    const std::size_t poses = motion_.weights ? pose_count() : 0, all = poses + motion_.morphs.size();
-    double total = motion_.rest_weight;
-    std::vector<double> pose_weight(all, 1.0);
-    for (std::size_t p = 0; p < all; ++p) {
-      if (p < poses && !motion_.pose_weights.empty()) pose_weight[p] = motion_.pose_weights[p];
-      total += pose_weight[p];
-    }
-    rest_share_.assign(samples_.size(), 1.0);
-    row_first_.assign(samples_.size() + 1, 0);
-    if (all == 0) return;
-    const std::vector<std::vector<Index>> bending = bending_poses(poses);
-    std::size_t rows = 0;
-    for (std::size_t s = 0; s < samples_.size(); ++s)
-      if (places_[s].triangle != no_index) rows += bending[at(places_[s].triangle / 2)].size();
-    // Where very many bones share everything, each sample sees every few poses, its neighbours the others.
-    constexpr std::size_t most_rows = 2'000'000;
-    const std::size_t stride = rows / most_rows + 1;
-    std::vector<std::vector<std::size_t>> of_pose(all);
-    for (std::size_t s = 0; s < samples_.size(); ++s) {
-      row_first_[s + 1] = row_first_[s];
-      if (places_[s].triangle == no_index) continue;
-      const std::vector<Index>& own = bending[at(places_[s].triangle / 2)];
-      double bent = 0;
-      for (const Index p : own) bent += pose_weight[at(p)];
-      rest_share_[s] = (total - bent) / total;
-      double seen = 0;
-      const std::size_t begin = rows_.size();
-      for (std::size_t k = s % stride; k < own.size(); k += stride) {
-        of_pose[at(own[k])].push_back(rows_.size());
-        rows_.push_back({own[k], pose_weight[at(own[k])], 0, Vector3::Zero()});
-        row_sample_.push_back(s);
-        seen += pose_weight[at(own[k])];
-      }
-      for (std::size_t k = begin; k < rows_.size(); ++k) rows_[k].weight *= seen > 0 ? bent / (seen * total) : 0;
-      row_first_[s + 1] = rows_.size();
-    }
-    for (std::size_t p = 0; p < all; ++p) {
-      if (context_.cancelled()) return;
-      place_rows(static_cast<Index>(p), of_pose[p]);
-    }
-  }
-
-  /// Of each quad the poses that move its corners or the surface below it in more than one way.
-  [[nodiscard]] std::vector<std::vector<Index>> bending_poses(std::size_t poses) const {
-    std::vector<std::vector<Index>> groups;
-    for (std::size_t p = 0; p < poses; ++p) groups.push_back(rigid_groups(motion_.poses[p]));
-    std::vector<std::vector<Index>> bending(at(quads_.quad_count()));
-    context_.parallel_for(bending.size(), 64, [&](std::size_t begin, std::size_t end) {
-      std::vector<Index> bones;
-      for (std::size_t q = begin; q < end; ++q) {
-        if (q % 64 == 0 && context_.cancelled()) return;
-        bones.clear();
-        const auto note = [&](const SkinWeights& weights, Index row) {
-          constexpr double counts = 1e-3;
-          for (SkinWeights::InnerIterator it(weights, row); it; ++it)
-            if (it.value() > counts) bones.push_back(static_cast<Index>(it.col()));
-        };
-        if (poses > 0)
-          for (int i = 0; i < 4; ++i) note(weights_, quads_.quads(static_cast<Index>(q), i));
-        std::vector<Index> faces;
-        for (const std::size_t s : samples_of(static_cast<Index>(q)))
-          if (const Index face = samples_.point[s].face; faces.empty() || faces.back() != face) faces.push_back(face);
-        if (poses > 0)
-          for (const Index face : faces)
-            for (int i = 0; i < 3; ++i) note(*motion_.weights, surface_.faces()(face, i));
-        std::sort(bones.begin(), bones.end());
-        bones.erase(std::unique(bones.begin(), bones.end()), bones.end());
-        for (std::size_t p = 0; p < poses; ++p)
-          if (std::any_of(bones.begin(), bones.end(),
-                          [&](Index b) { return groups[p][at(b)] != groups[p][at(bones.front())]; }))
-            bending[q].push_back(static_cast<Index>(p));
-        for (std::size_t k = 0; k < motion_.morphs.size(); ++k)
-          if (std::any_of(faces.begin(), faces.end(), [&](Index face) { return shears(motion_.morphs[k], face); }))
-            bending[q].push_back(static_cast<Index>(poses + k));
-      }
-    });
-    return bending;
-  }
-  /// Whether a morph moves the corners of a face apart from each other.
-  [[nodiscard]] bool shears(const Points<double>& morph, Index face) const {
-    constexpr double still = 1e-3;  // of an edge
-    for (int i = 0; i < 3; ++i) {
-      const Index a = surface_.faces()(face, i), b = surface_.faces()(face, (i + 1) % 3);
-      if ((morph.row(a) - morph.row(b)).norm() > still * (surface_.position(a) - surface_.position(b)).norm())
-        return true;
-    }
-    return false;
-  }
-
-  /// Where one pose takes the samples of its rows.
-  void place_rows(Index pose, const std::vector<std::size_t>& rows) {
-    std::vector<Index> vertices;
-    for (const std::size_t row : rows)
-      for (int i = 0; i < 3; ++i) vertices.push_back(surface_.faces()(samples_.point[row_sample_[row]].face, i));
-    std::sort(vertices.begin(), vertices.end());
-    vertices.erase(std::unique(vertices.begin(), vertices.end()), vertices.end());
-    posed_.resize(surface_.vertex_count(), 3);
-    context_.parallel_for(vertices.size(), 1024, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t k = begin; k < end; ++k) {
-        const Index v = vertices[k];
-        const Vector3 p = surface_.position(v);
-        if (at(pose) < pose_count())
-          posed_.row(v) = (blended(*motion_.weights, v, motion_.poses[at(pose)]) * p.homogeneous()).transpose();
-        else
-          posed_.row(v) = p.transpose() + motion_.morphs[at(pose) - pose_count()].row(v);
-      }
-    });
-    context_.parallel_for(rows.size(), 2048, [&](std::size_t begin, std::size_t end) {
-      for (std::size_t k = begin; k < end; ++k) {
-        PosedRow& row = rows_[rows[k]];
-        const SurfacePoint& point = samples_.point[row_sample_[rows[k]]];
-        const auto corner = [&](int i) { return Vector3(posed_.row(surface_.faces()(point.face, i)).transpose()); };
-        const Vector3 a = corner(0), b = corner(1), c = corner(2), n = (b - a).cross(c - a);
-        const double length = n.norm();
-        if (!(length > 0)) {
-          row.weight = 0;  // a face that the pose collapses
-          continue;
-        }
-        row.normal = n / length;
-        row.offset = row.normal.dot(point.barycentric[0] * a + point.barycentric[1] * b + point.barycentric[2] * c);
-      }
-    });
-  }
-
-  /// Values of the vertices whose interpolation over the quads is nearest to what the samples have, in the mean.
+  /// Values of the vertices whose sums at the samples are nearest to what these have, in the mean.
   /// \param put called with a sample and add(column, value): what it has
   /// \returns vertices × columns
   template <class Put>
@@ -375,23 +157,25 @@ class LeastSquaresFit {
     std::iota(unknown.begin(), unknown.end(), Index{0});
     BlockEquations<1> equations(std::move(unknown), n, patches());
     using Block = BlockEquations<1>::Block;
-    Eigen::MatrixXd right = Eigen::MatrixXd::Zero(n, columns), x(n, columns);
+    Eigen::MatrixXd right = Eigen::MatrixXd::Zero(n, columns), x(n, columns), block;
     for (Index q = 0; q < quads_.quad_count(); ++q) {
       if (q % 256 == 0 && context_.cancelled()) return cancelled_error("fit");
+      const std::span<const Index> patch = basis_->patch(q);
+      const auto size = static_cast<Eigen::Index>(patch.size());
       double area = 0;
-      for (const std::size_t s : samples_of(q)) {
-        const Place& place = places_[s];
-        const double weight = samples_.area[s];
+      block.setZero(size, size);
+      for (std::size_t k = 0; k < samples_->on(q).size(); ++k) {
+        const std::size_t s = samples_->on(q)[k];
+        const Eigen::Map<const Eigen::VectorXd> shares(samples_->shares(q, k).data(), size);
+        const double weight = samples_->area(s);
         area += weight;
-        std::array<Index, 3> v;
-        for (int i = 0; i < 3; ++i) v[at(i)] = vertex(place.triangle, i);
-        for (int i = 0; i < 3; ++i)
-          for (int j = 0; j <= i; ++j)
-            equations.add(v[at(i)], v[at(j)], Block(weight * place.barycentric[i] * place.barycentric[j]));
+        block.selfadjointView<Eigen::Lower>().rankUpdate(shares, weight);
         put(s, [&](Index column, double value) {
-          for (int i = 0; i < 3; ++i) right(v[at(i)], column) += weight * place.barycentric[i] * value;
+          for (Eigen::Index i = 0; i < size; ++i) right(patch[at(int(i))], column) += weight * shares[i] * value;
         });
       }
+      for (Eigen::Index i = 0; i < size; ++i)
+        for (Eigen::Index j = 0; j <= i; ++j) equations.add(patch[at(int(i))], patch[at(int(j))], Block(block(i, j)));
       // Corners that no sample sees go with their neighbours.
       const double tie = std::max(1e-3 * area, 1e-9 * surface_.total_area() / quads_.quad_count());
       for (int i = 0; i < 4; ++i) {
@@ -415,7 +199,7 @@ class LeastSquaresFit {
     if (count == 0) return {};
     const Expected<Eigen::MatrixXd> found =
         project(static_cast<Index>(3 * count), factory, [&](std::size_t s, auto&& add) {
-          const SurfacePoint& point = samples_.point[s];
+          const SurfacePoint& point = samples_->point(s);
           for (std::size_t k = 0; k < count; ++k) {
             Vector3 d = Vector3::Zero();
             for (int i = 0; i < 3; ++i)
@@ -430,18 +214,11 @@ class LeastSquaresFit {
     return {};
   }
 
-  [[nodiscard]] static Eigen::Matrix<double, 3, 4> blended(const SkinWeights& weights, Index row, const Pose& pose) {
-    Eigen::Matrix<double, 3, 4> sum = Eigen::Matrix<double, 3, 4>::Zero();
-    for (SkinWeights::InnerIterator it(weights, row); it; ++it)
-      sum += it.value() * pose[at(static_cast<Index>(it.col()))].matrix().topRows<3>();
-    return sum;
-  }
-
   /// Rows with more influences than allowed: which, with which weights, keep the vertex where all of them take it?
   void limit_influences(FitReport& report) {
     if (!motion_.weights) return;
     const Index most = motion_.influences;
-    std::vector<double> pose_weight(pose_count(), 1.0);
+    std::vector<double> pose_weight(motion_.poses.size(), 1.0);
     if (!motion_.pose_weights.empty()) pose_weight.assign(motion_.pose_weights.begin(), motion_.pose_weights.end());
     double weight_of_poses = 0;
     for (const double w : pose_weight) weight_of_poses += w;
@@ -478,93 +255,164 @@ class LeastSquaresFit {
 
   // --- least squares ---------------------------------------------------------------------------------------------
 
-  /// The transforms of a quad's corners in a pose, computed where they are first asked for.
-  class CornerTransforms {
+  /// The rows of one quad: of each the gradients of normal · (place − sample) by the patch's vertices, a column, and
+  /// the value that they are to take off. Kept, so that memory is taken once.
+  class QuadRows {
    public:
-    explicit CornerTransforms(const LeastSquaresFit& fit)
-        : fit_(fit), of_(fit.pose_count() + fit.motion_.morphs.size()), stamp_(of_.size(), no_index) {}
-    using Four = std::array<Eigen::Matrix<double, 3, 4>, 4>;
-    [[nodiscard]] const Four& get(Index quad, Index pose) {
-      if (stamp_[at(pose)] != quad) {
-        stamp_[at(pose)] = quad;
-        for (int i = 0; i < 4; ++i) {
-          const Index v = fit_.quads_.quads(quad, i);
-          auto& transform = of_[at(pose)][at(i)];
-          if (at(pose) < fit_.pose_count())
-            transform = blended(fit_.weights_, v, fit_.motion_.poses[at(pose)]);
-          else
-            transform << Eigen::Matrix3d::Identity(), fit_.morphs_[at(pose) - fit_.pose_count()].row(v).transpose();
+    explicit QuadRows(const LeastSquaresFit& fit)
+        : fit_(fit), transforms_(fit.rows_->poses() + fit.rows_->morphs()), of_(transforms_.size(), no_index) {}
+
+    void collect(Index quad) {
+      const std::span<const Index> patch = fit_.basis_->patch(quad);
+      const auto size = static_cast<Eigen::Index>(patch.size());
+      std::size_t most = 2 * fit_.borders_->on(quad).size();
+      for (const std::size_t s : fit_.samples_->on(quad)) most += 1 + fit_.rows_->of(s).size();
+      if (gradients_.rows() != 3 * size || gradients_.cols() < static_cast<Eigen::Index>(most)) {
+        gradients_.resize(3 * size, static_cast<Eigen::Index>(most));
+        residuals_.resize(static_cast<Eigen::Index>(most));
+        weights_.resize(static_cast<Eigen::Index>(most));
+      }
+      count_ = 0;
+      corner_.resize(patch.size());
+      for (std::size_t i = 0; i < patch.size(); ++i) corner_[i] = fit_.quads_.positions.row(patch[i]).transpose();
+      for (std::size_t k = 0; k < fit_.samples_->on(quad).size(); ++k) {
+        const std::size_t s = fit_.samples_->on(quad)[k];
+        const double area = fit_.samples_->weight(s);
+        if (!(area > 0)) continue;
+        const std::span<const double> shares = fit_.samples_->shares(quad, k);
+        if (const double rest = fit_.rows_->rest_share(s); rest > 0) {
+          const Vector3& normal = fit_.samples_->normal(s);
+          double residual = normal.dot(fit_.samples_->position(s));
+          for (std::size_t i = 0; i < shares.size(); ++i) {
+            gradients_.col(count_).template segment<3>(static_cast<Eigen::Index>(3 * i)) = shares[i] * normal;
+            residual -= shares[i] * normal.dot(corner_[i]);
+          }
+          push(area * rest, residual);
+        }
+        for (const PosedRow& posed : fit_.rows_->of(s)) {
+          if (!(posed.weight > 0)) continue;
+          const auto& transforms = of_pose(quad, patch, posed.pose);
+          double residual = posed.offset;
+          for (std::size_t i = 0; i < shares.size(); ++i) {
+            const auto& t = transforms[i];
+            const Vector3 gradient = shares[i] * (t.template leftCols<3>().transpose() * posed.normal);
+            gradients_.col(count_).template segment<3>(static_cast<Eigen::Index>(3 * i)) = gradient;
+            residual -= gradient.dot(corner_[i]) + shares[i] * posed.normal.dot(t.col(3));
+          }
+          push(area * posed.weight, residual);
         }
       }
-      return of_[at(pose)];
     }
+    /// After collect(): the rows of the quad's part of the border.
+    void collect_border(Index quad) {
+      for (const std::size_t s : fit_.borders_->on(quad))
+        collect_border((*fit_.borders_)[s], fit_.basis_->patch(quad).size());
+    }
+    [[nodiscard]] auto gradients() const { return gradients_.leftCols(count_); }
+    [[nodiscard]] auto residuals() const { return residuals_.head(count_); }
+    [[nodiscard]] auto weights() const { return weights_.head(count_); }
 
    private:
-    const LeastSquaresFit& fit_;
-    std::vector<Four> of_;
-    std::vector<Index> stamp_;
-  };
+    using Transform = Eigen::Matrix<double, 3, 4>;
 
-  /// Calls row(weight, residual, gradients) for each row of the samples on a quad: by its four corners the gradients of
-  /// normal · (place − sample), whose value is −residual.
-  template <class Row>
-  void for_each_row(Index quad, CornerTransforms& transforms, Row&& row) const {
-    std::array<Vector3, 4> corner, gradient;
-    for (int i = 0; i < 4; ++i) corner[at(i)] = quads_.positions.row(quads_.quads(quad, i)).transpose();
-    for (const std::size_t s : samples_of(quad)) {
-      const Eigen::Vector4d& share = on_corners_[s];
-      const double area = weight(s);
-      if (!(area > 0)) continue;
-      if (rest_share_[s] > 0) {
-        Vector3 there = Vector3::Zero();
-        for (int i = 0; i < 4; ++i) {
-          gradient[at(i)] = share[i] * samples_.normal[s];
-          there += share[i] * corner[at(i)];
-        }
-        row(area * rest_share_[s], samples_.normal[s].dot(samples_.position[s] - there), gradient);
-      }
-      for (std::size_t k = row_first_[s]; k < row_first_[s + 1]; ++k) {
-        const PosedRow& posed = rows_[k];
-        if (!(posed.weight > 0)) continue;
-        const auto& four = transforms.get(quad, posed.pose);
-        double residual = posed.offset;
-        for (int i = 0; i < 4; ++i) {
-          const auto& t = four[at(i)];
-          gradient[at(i)] = share[i] * (t.template leftCols<3>().transpose() * posed.normal);
-          residual -= gradient[at(i)].dot(corner[at(i)]) + share[i] * posed.normal.dot(t.col(3));
-        }
-        row(area * posed.weight, residual, gradient);
+    /// A border sample counts as a strip half as wide as its quad's side is long.
+    void collect_border(const BorderSamples::Sample& sample, std::size_t size) {
+      const DrawnQuads& drawn = fit_.basis_->drawn();
+      const Index quad = sample.side / 4, cage = fit_.basis_->cage_of(quad);
+      const int i = sample.side % 4, j = (i + 1) % 4;
+      shares_.assign(size, 0.0);
+      fit_.basis_->add_corner(quad, i, 1 - sample.along, shares_);
+      fit_.basis_->add_corner(quad, j, sample.along, shares_);
+      const Vector3 off = sample.position - drawn.position(drawn.quads()(quad, i)) * (1 - sample.along) -
+                          drawn.position(drawn.quads()(quad, j)) * sample.along;
+      const auto& corners = fit_.quads_.quads;
+      const double width = std::sqrt((fit_.start_.row(corners(cage, 0)) - fit_.start_.row(corners(cage, 2))).norm() *
+                                     (fit_.start_.row(corners(cage, 1)) - fit_.start_.row(corners(cage, 3))).norm()) /
+                           2;
+      for (const Vector3& across : sample.across) {
+        for (std::size_t k = 0; k < size; ++k)
+          gradients_.col(count_).template segment<3>(static_cast<Eigen::Index>(3 * k)) = shares_[k] * across;
+        push(sample.length * width, across.dot(off));
       }
     }
-  }
+    void push(double weight, double residual) {
+      weights_[count_] = weight;
+      residuals_[count_++] = residual;
+    }
+    /// The transforms of a quad's patch in a pose, computed where they are first asked for.
+    [[nodiscard]] const std::vector<Transform>& of_pose(Index quad, std::span<const Index> patch, Index pose) {
+      std::vector<Transform>& transforms = transforms_[at(pose)];
+      if (of_[at(pose)] == quad) return transforms;
+      of_[at(pose)] = quad;
+      transforms.resize(patch.size());
+      const std::size_t poses = fit_.rows_->poses();
+      for (std::size_t i = 0; i < patch.size(); ++i) {
+        if (at(pose) < poses)
+          transforms[i] = blended(fit_.weights_, patch[i], fit_.motion_.poses[at(pose)]);
+        else
+          transforms[i] << Eigen::Matrix3d::Identity(), fit_.morphs_[at(pose) - poses].row(patch[i]).transpose();
+      }
+      return transforms;
+    }
 
-  void measure(double& rest, double& posed) {
-    struct Sum {
-      double rest = 0, posed = 0, weight = 0;
-      Sum& operator+=(const Sum& other) {
-        rest += other.rest, posed += other.posed, weight += other.weight;
+    const LeastSquaresFit& fit_;
+    std::vector<std::vector<Transform>> transforms_;
+    std::vector<Index> of_;  // of each pose: the quad whose transforms are held
+    std::vector<Vector3> corner_;
+    std::vector<double> shares_;
+    Eigen::MatrixXd gradients_;
+    Eigen::VectorXd residuals_, weights_;
+    Eigen::Index count_ = 0;
+  };
+
+  void measure(double& rest, double& back, double& posed) {
+    struct Sums {
+      double rest = 0, posed = 0, weight = 0, back = 0, area = 0;
+      Sums& operator+=(const Sums& other) {
+        rest += other.rest, posed += other.posed, weight += other.weight, back += other.back, area += other.area;
         return *this;
       }
     };
-    std::vector<Sum> sums(at(quads_.quad_count()));
+    std::vector<Sums> sums(at(quads_.quad_count()));
     context_.parallel_for(sums.size(), 64, [&](std::size_t begin, std::size_t end) {
-      CornerTransforms transforms(*this);
+      QuadRows rows(*this);
       for (std::size_t q = begin; q < end; ++q) {
-        const auto quad = static_cast<Index>(q);
-        for_each_row(quad, transforms, [&](double weight, double residual, const auto&...) {
-          sums[q].posed += weight * residual * residual;
-        });
-        for (const std::size_t s : samples_of(quad)) {
-          const double off = samples_.normal[s].dot(samples_.position[s] - places_[s].position);
-          sums[q].rest += weight(s) * off * off;
-          sums[q].weight += weight(s);
+        Sums& own = sums[q];
+        rows.collect(static_cast<Index>(q));
+        own.posed = (rows.weights().array() * rows.residuals().array().square()).sum();
+        for (const std::size_t s : samples_->on(static_cast<Index>(q))) {
+          const double off = samples_->normal(s).dot(samples_->position(s) - samples_->place(s).position);
+          own.rest += samples_->weight(s) * off * off;
+          own.weight += samples_->weight(s);
         }
+        measure_back(static_cast<Index>(q), own.back, own.area);
       }
     });
-    Sum all;
-    for (const Sum& each : sums) all += each;
-    rest = all.weight > 0 ? std::sqrt(all.rest / all.weight) : 0;
-    posed = all.weight > 0 ? std::sqrt(all.posed / all.weight) : 0;
+    Sums all;
+    for (const Sums& each : sums) all += each;
+    const auto rms = [](double squares, double weight) { return weight > 0 ? std::sqrt(squares / weight) : 0; };
+    rest = rms(all.rest, all.weight);
+    posed = rms(all.posed, all.weight);
+    back = rms(all.back, all.area);
+  }
+  /// From three points of each drawn triangle to the surface: the quadrature that is exact for squares.
+  void measure_back(Index quad, double& squares, double& area) const {
+    const std::span<const std::size_t> own = samples_->on(quad);
+    if (own.empty()) return;
+    const DrawnQuads& drawn = basis_->drawn();
+    for (const Index part : basis_->drawn_of(quad))
+      for (const Index triangle : {2 * part, 2 * part + 1}) {
+        const double share = drawn.area(triangle) / 3;
+        for (int i = 0; i < 3; ++i) {
+          Vector3 barycentric = Vector3::Constant(1.0 / 6);
+          barycentric[i] = 2.0 / 3;
+          const Vector3 p = drawn.point(triangle, barycentric);
+          const SurfacePoint nearest = walk_closest(surface_, p, samples_->point(own.front()));
+          const double off = surface_.normal(nearest.face).dot(p - position(surface_, nearest));
+          squares += share * off * off;
+          area += share;
+        }
+      }
   }
 
   [[nodiscard]] Status solve_rounds(const SolverFactory<double>& factory, FitReport& report) {
@@ -578,10 +426,7 @@ class LeastSquaresFit {
     if (!solver) return solver.error();
     std::vector<double> x(at(3 * unknowns));
     for (; report.rounds < options_.rounds; ++report.rounds) {
-      if (report.rounds > 0) {
-        place();
-        choose_diagonals();
-      }
+      if (report.rounds > 0) place();
       if (context_.cancelled()) return cancelled_error("fit");
       assemble(equations);
       if (Status status = solver->prepare(equations.matrix(), 1, context_); !status.ok()) return status;
@@ -589,69 +434,69 @@ class LeastSquaresFit {
       step(equations, x);
     }
     place();
-    choose_diagonals();
     return {};
+  }
+  void place() {
+    samples_->place(quads_.positions);
+    borders_->place();
   }
 
   void assemble(BlockEquations<3>& equations) const {
     equations.clear();
-    using Block = Eigen::Matrix<double, 12, 12>;
     constexpr Index run = 512;  // quads whose blocks are held at once
-    std::vector<Block> block(at(run));
-    std::vector<Eigen::Matrix<double, 12, 1>> right(at(run));
-    const double stiffness = options_.stiffness, sliding = options_.sliding, shear = options_.shear;
+    std::vector<Eigen::MatrixXd> block(at(run));
+    std::vector<Eigen::VectorXd> right(at(run));
     for (Index begin = 0; begin < quads_.quad_count(); begin += run) {
       const Index count = std::min(run, quads_.quad_count() - begin);
       context_.parallel_for(at(count), 32, [&](std::size_t from, std::size_t to) {
-        CornerTransforms transforms(*this);
+        QuadRows rows(*this);
+        Eigen::MatrixXd weighted;
         for (std::size_t k = from; k < to; ++k) {
-          const Index q = begin + static_cast<Index>(k);
-          Block& m = block[k];
-          auto& b = right[k];
-          m.setZero();
-          b.setZero();
-          for_each_row(q, transforms, [&](double weight, double residual, const std::array<Vector3, 4>& gradient) {
-            for (int i = 0; i < 4; ++i) {
-              const Vector3 scaled = weight * gradient[at(i)];
-              b.template segment<3>(3 * i) += residual * scaled;
-              for (int j = 0; j <= i; ++j) m.template block<3, 3>(3 * i, 3 * j) += scaled * gradient[at(j)].transpose();
-            }
-          });
-          // What each quad adds to keep its corners in order.
-          double area = 0;
-          Vector3 normal = Vector3::Zero();
-          std::array<Vector3, 4> p, moved;
-          for (int i = 0; i < 4; ++i) {
-            const Index v = quads_.quads(q, i);
-            p[at(i)] = quads_.positions.row(v).transpose();
-            moved[at(i)] = p[at(i)] - start_.row(v).transpose();
-          }
-          normal = (p[2] - p[0]).cross(p[3] - p[1]);
-          area = normal.norm() / 2;
-          if (!(area > 0)) continue;
-          normal /= 2 * area;
-          const Eigen::Matrix3d along = Eigen::Matrix3d::Identity() - normal * normal.transpose();
-          for (int i = 0; i < 4; ++i) {
-            const int j = (i + 1) % 4, high = std::max(i, j), low = std::min(i, j);
-            const double tie = stiffness * area / 4, slip = sliding * area / 4;
-            const Eigen::Matrix3d hold = tie * Eigen::Matrix3d::Identity() + shear * area / 4 * along;
-            const Vector3 pull = hold * (moved[at(i)] - moved[at(j)]);
-            for (const int c : {i, j}) m.block<3, 3>(3 * c, 3 * c) += hold;
-            m.block<3, 3>(3 * high, 3 * low) -= hold;
-            b.segment<3>(3 * i) -= pull;
-            b.segment<3>(3 * j) += pull;
-            m.block<3, 3>(3 * i, 3 * i) += slip * along + 1e-6 * area * Eigen::Matrix3d::Identity();
-            b.segment<3>(3 * i) -= slip * (along * moved[at(i)]);
-          }
+          rows.collect(begin + static_cast<Index>(k));
+          rows.collect_border(begin + static_cast<Index>(k));
+          weighted = rows.gradients() * rows.weights().asDiagonal();
+          block[k].noalias() = weighted * rows.gradients().transpose();
+          right[k].noalias() = weighted * rows.residuals();
         }
       });
-      for (Index k = 0; k < count; ++k)
-        for (int i = 0; i < 4; ++i) {
-          const Index v = quads_.quads(begin + k, i);
-          equations.add(v, right[at(k)].segment<3>(3 * i));
-          for (int j = 0; j <= i; ++j)
-            equations.add(v, quads_.quads(begin + k, j), block[at(k)].block<3, 3>(3 * i, 3 * j));
+      for (Index k = 0; k < count; ++k) {
+        const std::span<const Index> patch = basis_->patch(begin + k);
+        for (Index i = 0; i < static_cast<Index>(patch.size()); ++i) {
+          equations.add(patch[at(i)], right[at(k)].segment<3>(3 * i));
+          for (Index j = 0; j <= i; ++j)
+            equations.add(patch[at(i)], patch[at(j)], block[at(k)].block<3, 3>(3 * i, 3 * j));
         }
+        keep_order(begin + k, equations);
+      }
+    }
+  }
+  /// What a quad adds to keep its corners in order.
+  void keep_order(Index q, BlockEquations<3>& equations) const {
+    std::array<Vector3, 4> p, moved;
+    for (int i = 0; i < 4; ++i) {
+      const Index v = quads_.quads(q, i);
+      p[at(i)] = quads_.positions.row(v).transpose();
+      moved[at(i)] = p[at(i)] - start_.row(v).transpose();
+    }
+    Vector3 normal = (p[2] - p[0]).cross(p[3] - p[1]);
+    const double area = normal.norm() / 2;
+    if (!(area > 0)) return;
+    normal /= 2 * area;
+    const Eigen::Matrix3d along = Eigen::Matrix3d::Identity() - normal * normal.transpose();
+    // The limit surface is even where its cage is less so.
+    const double even = basis_->is_flat() ? 1 : 0.1;
+    const Eigen::Matrix3d hold =
+        options_.stiffness * area / 4 * Eigen::Matrix3d::Identity() + even * options_.shear * area / 4 * along;
+    const double slip = even * options_.sliding * area / 4;
+    for (int i = 0; i < 4; ++i) {
+      const int j = (i + 1) % 4;
+      const Index v = quads_.quads(q, i), w = quads_.quads(q, j);
+      const Vector3 pull = hold * (moved[at(i)] - moved[at(j)]);
+      equations.add(v, v, Eigen::Matrix3d(hold + slip * along + 1e-6 * area * Eigen::Matrix3d::Identity()));
+      equations.add(w, w, hold);
+      equations.add(v, w, Eigen::Matrix3d(-hold));
+      equations.add(v, Vector3(-pull - slip * (along * moved[at(i)])));
+      equations.add(w, pull);
     }
   }
 
@@ -684,6 +529,7 @@ class LeastSquaresFit {
       quads_.positions.row(v) = from.row(v) + share[at(v)] * (wish.row(v) - from.row(v));
     };
     for (Index v = 0; v < quads_.vertex_count(); ++v) go(v);
+    const QuadCorners cage(quads_);
     constexpr int halvings = 4;
     std::vector<Index> suspects(m);
     std::iota(suspects.begin(), suspects.end(), Index{0});
@@ -702,7 +548,7 @@ class LeastSquaresFit {
       suspects.clear();
       for (const Index v : touched) {
         go(v);
-        for (const Index c : drawn_.corners().at(v)) suspects.push_back(c / 4);
+        for (const Index c : cage.at(v)) suspects.push_back(c / 4);
       }
       std::sort(suspects.begin(), suspects.end());
       suspects.erase(std::unique(suspects.begin(), suspects.end()), suspects.end());
@@ -715,18 +561,13 @@ class LeastSquaresFit {
   Context& context_;
   QuadMesh quads_;
   const Points<double> start_;
-  DrawnQuads drawn_;
   std::vector<char> held_;
   SkinWeights weights_;  // of the vertices
-  SurfaceSamples samples_;
-  std::vector<Eigen::Vector4d> on_corners_;  // of the samples: shares of the corners of their quads
-  std::vector<Place> places_;                // of the samples
-  std::vector<std::size_t> first_, by_quad_;
-  std::vector<PosedRow> rows_;  // of the samples, one after the other
-  std::vector<std::size_t> row_first_, row_sample_;
-  Points<double> posed_;                // vertices of the surface, in the pose at hand
+  std::optional<FitBasis> basis_;
+  std::optional<PlacedSamples> samples_;
+  std::optional<BorderSamples> borders_;
+  const PosedRows* rows_ = nullptr;
   std::vector<Points<double>> morphs_;  // of the vertices
-  std::vector<double> rest_share_;      // of each sample: weight of the poses that move it as one body
 };
 
 }  // namespace detail

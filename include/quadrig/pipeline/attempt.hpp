@@ -25,8 +25,11 @@ struct FoundQuads {
   TriangleMesh<double> surface;
   EdgeMarks kept;
   std::vector<Index> parent;
+  std::vector<char> landed;  ///< vertices that hold tips of the surface
+  double farthest = 0;       ///< point of the surface from the quads, in edges of these
   Index singularities = 0;
   FieldReport field;
+  MapStrain strain;
   std::optional<ComponentMap> map;  ///< where RemeshOptions::keep_maps asks for it
 };
 

@@ -3,6 +3,7 @@
 #include "quadrig/field/loops.hpp"
 #include "quadrig/field/surgery.hpp"
 #include "quadrig/pipeline/attempt.hpp"
+#include "quadrig/pipeline/landing.hpp"
 
 namespace quadrig::detail {
 
@@ -230,6 +231,7 @@ class AttemptRun {
       return map_error(map->report.tries.back());
     }
 
+    strain_ = map->report.strain;
     const TriangleMesh<double>& surface = surface_mesh();
     const EdgeMarks& surface_kept = surface_marks();
     std::optional<OntoSurface> projection;
@@ -258,14 +260,24 @@ class AttemptRun {
       return Outcome::features_too_dense;
     }
     for (const std::string& reason : on_the_way_) leave(reason);
-    const double least = made.least;
+    Landing landing(surface_mesh(), surface_marks(), shared_.edge, options_.polish, context_);
+    const Coverage covered = landing.run(made.quads, made.least);
+    lap(result_.seconds.polish);
+    const double least = made.least, farthest = covered.farthest / shared_.edge;
     result_.found = FoundQuads{std::move(made),
                                surface_mesh(),
                                surface_marks(),
                                piece_.source.empty() ? piece_.parent : shared_.original.parent,
+                               std::move(landing.landed),
+                               farthest,
                                field.singularities.plus + field.singularities.minus,
                                field.report,
+                               strain_,
                                std::move(map_)};
+    if (farthest > ComponentReport::most_edges_off) {
+      leave("a point " + std::to_string(farthest).substr(0, 4) + " edges of quads off them");
+      return Outcome::uncovered;
+    }
     if (least > fine_enough) return Outcome::good;
     leave("least scaled Jacobian " + std::to_string(least).substr(0, 4));
     return Outcome::poor;
@@ -288,6 +300,7 @@ class AttemptRun {
   Context& context_;
   const SolverFactory<double> real_solver_ = options_.solver.factory<double>();
   AttemptResult result_;
+  MapStrain strain_;  // of the map that came out
   std::vector<FaceLoop> loops_;  // that quads are to close along
   std::optional<ComponentMap> map_;
   std::vector<std::string> on_the_way_;  // what the map that came out was preceded by

@@ -29,8 +29,9 @@ struct RemeshShared {
 };
 
 struct ComponentResult {
-  QuadMesh mesh;           ///< `source` refers to the asset's mesh
-  std::vector<char> held;  ///< vertices on kept edges; empty: none
+  QuadMesh mesh;             ///< `source` refers to the asset's mesh
+  std::vector<char> held;    ///< vertices on kept edges; empty: none
+  std::vector<char> landed;  ///< vertices on tips of the surface; empty: none
   ComponentReport report;
   StageSeconds seconds;
   FieldReport field;

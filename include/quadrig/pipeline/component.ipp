@@ -63,6 +63,7 @@ class ComponentRemesher {
   [[nodiscard]] Expected<ComponentResult> run() {
     if (context_.cancelled()) return cancelled_error("remesh");
     if (Status status = cut_out(); !status.ok()) return status.error();
+    if (std::optional<QuadMesh> few = few_triangles()) return finished(std::move(*few));
     // Crumbs: a map of each would take longer than that of a surface as large as all of them.
     constexpr std::size_t many_parts = 500;
     if (shared_.parts > many_parts && quads_ <= least_quads) return split();
@@ -98,13 +99,53 @@ class ComponentRemesher {
     return {};
   }
 
+  /// A triangle as the three quads between its corners and its centre, where not many more are asked for.
+  [[nodiscard]] std::optional<QuadMesh> lone_triangle() const {
+    constexpr double three = 5;  // six quads would be as far off
+    if (quads_ > three) return std::nullopt;
+    QuadMesh quads;
+    quads.positions.resize(7, 3);
+    quads.quads.resize(3, 4);
+    quads.quads << 0, 3, 6, 5, 1, 4, 6, 3, 2, 5, 6, 4;  // corners, middles of the sides, centre
+    const auto put = [&](Index v, const Vector3& barycentric) {
+      quads.source.push_back({original_.parent[0], barycentric});
+      quads.positions.row(v) = position(original_.asset.mesh, {0, barycentric}).transpose();
+    };
+    for (int i = 0; i < 3; ++i) put(i, Vector3::Unit(i));
+    for (int i = 0; i < 3; ++i) put(3 + i, (Vector3::Unit(i) + Vector3::Unit((i + 1) % 3)) / 2);
+    put(6, Vector3::Constant(1.0 / 3));
+    if (!(least_jacobian(quads) > sound)) return std::nullopt;
+    return quads;
+  }
+
+  /// One triangle, or two that make a quad, where not many more quads are asked for.
+  [[nodiscard]] std::optional<QuadMesh> few_triangles() const {
+    constexpr double one = 2.5;  // two quads would be as far off
+    const TriangleMesh<double>& mesh = original_.asset.mesh;
+    if (mesh.face_count() == 1) return lone_triangle();
+    if (mesh.face_count() != 2 || mesh.vertex_count() != 4 || quads_ > one) return std::nullopt;
+    Index h = 0;
+    while (mesh.twin(h) == no_index) ++h;
+    if (!original_.kept.empty()) return std::nullopt;
+    QuadMesh quads;
+    quads.positions = mesh.positions();
+    quads.quads.resize(1, 4);
+    quads.quads << mesh.origin(h), mesh.target(mesh.next(mesh.twin(h))), mesh.target(h), mesh.target(mesh.next(h));
+    for (Index v = 0; v < 4; ++v) {
+      const Index g = mesh.outgoing(v);
+      quads.source.push_back({original_.parent[at(g / 3)], Vector3::Unit(g % 3)});
+    }
+    if (!(scaled_jacobian(quads.positions, quads.quads.row(0)) > fine_enough)) return std::nullopt;
+    return quads;
+  }
+
   [[nodiscard]] SurfaceFacts facts() const {
     const TriangleMesh<double>& mesh = original_.asset.mesh;
     constexpr double tiny = 1e-5;  // of a quad's edge
     bool tiny_edges = false;
     for (Index h = 0; h < mesh.halfedge_count() && !tiny_edges; ++h)
       tiny_edges = mesh.edge_vector(h).norm() < tiny * edge_;
-    return {mesh.face_count(), quads_, tiny_edges, !original_.kept.empty()};
+    return {mesh.face_count(), quads_, tiny_edges, !original_.kept.empty(), !asks_for_features(options_)};
   }
 
   /// One attempt, with what it took and found taken over.
@@ -126,8 +167,14 @@ class ComponentRemesher {
     for (const std::string& reason : made->reasons) leave(attempt, reason);
     result_.seconds += made->seconds;
     take_over(made->backends);
-    if (made->found && (!best_ || made->found->made.least > best_->made.least)) best_ = std::move(made->found);
+    if (made->found && (!best_ || worth(*made->found) > worth(*best_))) best_ = std::move(made->found);
     return Tried{0, made->outcome, made->share_left, budget.left(Work::search)};
+  }
+
+  /// Of quads, how near they are to being good: even, and on all of the surface.
+  [[nodiscard]] static double worth(const FoundQuads& found) {
+    return std::min(1.0, found.made.least / fine_enough) +
+           std::min(1.0, ComponentReport::most_edges_off / found.farthest);
   }
 
   void take_over(StageBackends& made) {
@@ -144,6 +191,7 @@ class ComponentRemesher {
   /// The triangles of an attempt: the component's own, refined where they are longer than asked for, or fewer that
   /// stand in for them. \fails, with the reason as `what`, where they cannot be had
   [[nodiscard]] Expected<Piece> ground(const Attempt& attempt) {
+    constexpr double acute_reach = 1;  // edges of quads
     const auto failed = [](std::string reason) { return Error{ErrorCode::unsupported, std::move(reason), {}, {}}; };
     Piece piece;
     if (attempt.on_stand_in()) {
@@ -154,6 +202,7 @@ class ComponentRemesher {
       }
       piece = *stand_in_;
       if (!attempt.keeps_features) piece.kept.clear();
+      release_acute(piece.asset.mesh, acute_reach * edge_, piece.kept);
       return piece;
     }
     piece = original_;
@@ -164,6 +213,7 @@ class ComponentRemesher {
         static_cast<Index>(base + std::min({a_quad * quads_, std::max(many_base, many * quads_), most_of_all}));
     if (Status status = refine_piece(piece, attempt.longest_edge * edge_, most, context_); !status.ok())
       return failed(status.error().message());
+    release_acute(piece.asset.mesh, acute_reach * edge_, piece.kept);
     for (std::optional<Refinement> freed; (freed = border_freed(piece.asset.mesh, piece.kept));) {
       replace_mesh(piece, std::move(*freed));
       if (piece.kept.empty()) break;
@@ -184,9 +234,11 @@ class ComponentRemesher {
       return split();
     }
     result_.held = std::move(kept.vertex);
+    result_.landed = std::move(best_->landed);
     result_.report.kept_as_quads = kept.as_quads;
     result_.report.rung = best_->made.rung;
     result_.report.singularities = best_->singularities;
+    result_.report.strain = best_->strain;
     result_.field = std::move(best_->field);
     result_.map = std::move(best_->map);
     return finished(std::move(found));

@@ -7,17 +7,64 @@
 
 namespace quadrig::detail {
 
+/// Whether the caller named edges to keep, or an angle.
+[[nodiscard]] inline bool asks_for_features(const RemeshOptions& options) {
+  return options.crease_angle_radians || !options.features.empty() || options.group_borders;
+}
+
+/// A surface is made of flat sides where its edges are sharp or hardly bend: of the length of those that bend visibly
+/// at least `share` bends by more than `crease`. Solids and parts of machines have 0.8 to 1, animals and people,
+/// however coarse, up to 0.6.
+struct FlatSides {
+  static constexpr double visible_radians = 15 * std::numbers::pi / 180, crease_radians = 40 * std::numbers::pi / 180;
+  static constexpr double share = 0.8;
+};
+
+/// A flag a component. \cost O(m)
+[[nodiscard]] inline std::vector<char> made_of_flats(const TriangleMesh<double>& mesh, const Components& components) {
+  std::vector<double> visible(at(components.count), 0.0), sharp = visible;
+  for (Index h = 0; h < mesh.halfedge_count(); ++h) {
+    const double bend = dihedral_angle(mesh, h);
+    if (!(bend > FlatSides::visible_radians)) continue;
+    const std::size_t c = at(components.of_face[at(h / 3)]);
+    const double length = mesh.edge_vector(h).norm();
+    visible[c] += length;
+    if (bend > FlatSides::crease_radians) sharp[c] += length;
+  }
+  std::vector<char> flats;
+  for (std::size_t c = 0; c < visible.size(); ++c) flats.push_back(sharp[c] > FlatSides::share * visible[c]);
+  return flats;
+}
+
+/// Of connected half-edges those sets of which at least half the length is sharp: creases that fade out, but no facets.
+inline void keep_mostly_sharp(const TriangleMesh<double>& mesh, std::vector<Index>& halfedges) {
+  DisjointSets connected(at(mesh.vertex_count()));
+  for (const Index h : halfedges) connected.join(mesh.origin(h), mesh.target(h));
+  std::vector<double> surplus(connected.size(), 0.0);  // of sharp length over the rest
+  const auto of = [&](Index h) -> double& { return surplus[at(connected.find(mesh.origin(h)))]; };
+  for (const Index h : halfedges)
+    of(h) += (dihedral_angle(mesh, h) > FlatSides::crease_radians ? 1 : -1) * mesh.edge_vector(h).norm();
+  std::erase_if(halfedges, [&](Index h) { return of(h) < 0; });
+}
+
 /// Creases and the caller's edges as marks of the asset's mesh; empty where there are none.
-[[nodiscard]] inline EdgeMarks kept_edges(const TriangleMesh<double>& mesh, const RemeshOptions& options) {
+[[nodiscard]] inline EdgeMarks kept_edges(const Asset& asset, const RemeshOptions& options) {
+  const TriangleMesh<double>& mesh = asset.mesh;
   std::vector<Index> halfedges = options.features;
-  if (options.crease_angle_radians < std::numbers::pi) {
+  const bool automatic = !options.crease_angle_radians;
+  const double crease =
+      automatic ? asset.rig ? std::numbers::pi : FlatSides::visible_radians : *options.crease_angle_radians;
+  if (crease < std::numbers::pi) {
     // A noisy scan bends sharply at many single edges; a crease runs on.
     const Components components = face_components(mesh);
-    std::vector<double> area(at(components.count), 0.0);
-    for (Index f = 0; f < mesh.face_count(); ++f) area[at(components.of_face[at(f)])] += mesh.area(f);
-    const auto least = [&](Index f) { return 0.5 * std::sqrt(area[at(components.of_face[at(f)])]); };
-    const std::vector<Index> creases =
-        crease_halfedges(mesh, options.crease_angle_radians, function_ref<double(Index)>(least));
+    const std::vector<char> flats = automatic ? made_of_flats(mesh, components) : std::vector<char>{};
+    std::vector<double> least(at(components.count), 0.0);
+    for (Index f = 0; f < mesh.face_count(); ++f) least[at(components.of_face[at(f)])] += mesh.area(f);
+    for (std::size_t c = 0; c < least.size(); ++c)
+      least[c] = automatic && !flats[c] ? std::numeric_limits<double>::infinity() : 0.5 * std::sqrt(least[c]);
+    const auto least_at = [&](Index f) { return least[at(components.of_face[at(f)])]; };
+    std::vector<Index> creases = crease_halfedges(mesh, crease, function_ref<double(Index)>(least_at));
+    if (automatic) keep_mostly_sharp(mesh, creases);
     halfedges.insert(halfedges.end(), creases.begin(), creases.end());
   }
   EdgeMarks marks;
@@ -111,6 +158,51 @@ inline void keep_group_borders(Piece& piece, double least_length) {
   drop_short(finer.mesh, least_length, borders);
   replace_mesh(piece, std::move(finer));
   piece.kept = joined_marks(std::move(borders), kept);
+}
+
+/// Unmarks both sides of sectors between kept edges, or these and the border, that are too acute for the corner of a
+/// quad, from their tip as far as `reach`. \cost O(m)
+inline void release_acute(const TriangleMesh<double>& mesh, double reach, EdgeMarks& kept) {
+  constexpr double least_radians = 40 * std::numbers::pi / 180;
+  if (kept.empty()) return;
+  const auto line = [&](Index h) { return mesh.twin(h) == no_index || kept[at(h)]; };
+  const auto angle = [&](Index h) {  // of its face at its origin
+    const Vector3 u = mesh.edge_vector(h), w = -mesh.edge_vector(mesh.next(mesh.next(h)));
+    return std::atan2(u.cross(w).norm(), u.dot(w));
+  };
+  std::vector<Index> leaving;  // kept half-edges away from tips
+  for (Index h = 0; h < mesh.halfedge_count(); ++h) {
+    if (!line(h)) continue;
+    // Around the origin from h to the next line.
+    double sector = 0;
+    Index g = h;
+    do {
+      sector += angle(g);
+      g = mesh.next(mesh.next(g));  // into the origin
+      if (line(g) || mesh.twin(g) == h) break;
+      g = mesh.twin(g);
+    } while (sector < least_radians);
+    if (!(sector < least_radians) || !line(g)) continue;
+    if (kept[at(h)]) leaving.push_back(h);
+    if (mesh.twin(g) != no_index) leaving.push_back(mesh.twin(g));
+  }
+  const EdgeMarks before = kept;
+  for (const Index first : leaving) {
+    double left = reach;
+    for (Index h = first; left > 0 && before[at(h)];) {
+      kept[at(h)] = kept[at(mesh.twin(h))] = 0;
+      left -= mesh.edge_vector(h).norm();
+      // Straight on, where one other kept edge goes on.
+      Index onward = no_index, count = 0, g = mesh.twin(h);
+      const Index start = g;
+      do {
+        if (g != start && before[at(g)]) onward = g, ++count;
+        g = mesh.next_around(g);
+      } while (g != no_index && g != start);
+      if (count != 1 || g == no_index) break;
+      h = onward;
+    }
+  }
 }
 
 /// How much of the kept edges became edges of quads.

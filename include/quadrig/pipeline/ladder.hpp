@@ -18,6 +18,7 @@ struct SurfaceFacts {
   double quads = 0;           ///< wanted
   bool tiny_edges = false;    ///< some far shorter than any quad will ever show
   bool has_features = false;  ///< edges that are to become edges of quads
+  bool unasked = false;       ///< features that nobody asked for: creases of flat sides
 };
 
 /// Faces of a stand-in for a surface: 20 triangles a quad carry a map as well as any number; above 2500 quads, 4 a quad
@@ -38,6 +39,7 @@ struct Attempt {
   double merge_quads;   ///< singularities closer than this many quads merge
   double longest_edge;  ///< of the triangles, in edges of quads; 0: on a stand-in for the surface
   bool keeps_features = false;
+  bool unasked = false;  ///< features that may be let go for better quads
 
   [[nodiscard]] bool on_stand_in() const { return longest_edge == 0; }
   friend bool operator==(const Attempt&, const Attempt&) = default;
@@ -47,6 +49,7 @@ struct Attempt {
 enum class Outcome : std::uint8_t {
   good,                   ///< quads, none of them poor
   poor,                   ///< quads, some poor
+  uncovered,              ///< quads that leave out some of the surface
   triangles_unavailable,  ///< the surface could not be refined or decimated as the attempt asks
   too_many_triangles,     ///< one map on them would take more work than is left
   field_failed,           ///< no field
@@ -57,11 +60,13 @@ enum class Outcome : std::uint8_t {
   features_too_dense,     ///< quads, but far more than wanted for the sake of features
   budget_spent,           ///< no valid map within the attempt's share of the work
 };
-[[nodiscard]] constexpr bool has_quads(Outcome outcome) { return outcome == Outcome::good || outcome == Outcome::poor; }
+[[nodiscard]] constexpr bool has_quads(Outcome outcome) {
+  return outcome == Outcome::good || outcome == Outcome::poor || outcome == Outcome::uncovered;
+}
 [[nodiscard]] constexpr std::string_view outcome_name(Outcome outcome) {
-  constexpr std::array<std::string_view, 11> names{
-      "good",    "poor", "triangles-unavailable", "too-many-triangles", "field-failed", "unmappable", "noisy",
-      "tangled", "flat", "features-too-dense",    "budget-spent"};
+  constexpr std::array<std::string_view, 12> names{
+      "good",  "poor",    "uncovered", "triangles-unavailable", "too-many-triangles", "field-failed", "unmappable",
+      "noisy", "tangled", "flat",      "features-too-dense",    "budget-spent"};
   return names[static_cast<std::size_t>(outcome)];
 }
 
@@ -75,15 +80,15 @@ struct Tried {
 
 /// The attempts for a surface, in order: on its own triangles, ever finer with a smoother field, and on a stand-in in
 /// between; on a stand-in first where there are far more triangles than a map needs, or edges that carry none. With
-/// features the first three keep them, then all go without.
+/// features the first three keep them, of features that nobody asked for the first two; then all go without.
 [[nodiscard]] inline std::vector<Attempt> ladder(const SurfaceFacts& facts) {
   std::vector<Attempt> attempts{{0.5, 1.5}, {1, 1.0}, {1, 0}, {2, 0.7}, {4, 0}};
   if (facts.tiny_edges || facts.faces > enough_triangles(facts.quads))
     attempts.insert(attempts.begin(), Attempt{0.5, 0});
   if (facts.has_features) {
-    constexpr std::ptrdiff_t keeping = 3;
+    const std::ptrdiff_t keeping = facts.unasked ? 2 : 3;
     std::vector<Attempt> first(attempts.begin(), attempts.begin() + keeping);
-    for (Attempt& attempt : first) attempt.keeps_features = true;
+    for (Attempt& attempt : first) attempt.keeps_features = true, attempt.unasked = facts.unasked;
     attempts.insert(attempts.begin(), first.begin(), first.end());
   }
   return attempts;
@@ -113,7 +118,8 @@ namespace detail {
 }
 
 /// The next attempt of a ladder, or none:
-/// - after good quads none, after poor ones one more, and the better wins;
+/// - after good quads none, after poor ones one more, and the better wins: the first without features where nobody
+///   asked for these;
 /// - where the search for integers is spent, or four valid maps led to no quads, none on that budget: no field helps;
 /// - where features leave defects all over, none that keeps them;
 /// - on the surface's own triangles only while these have not taken their share of the work, and not finer than they
@@ -121,16 +127,20 @@ namespace detail {
 [[nodiscard]] inline std::optional<std::size_t> next_attempt(const std::vector<Attempt>& attempts,
                                                              std::span<const Tried> history) {
   constexpr std::ptrdiff_t most_flat = 3;
-  std::size_t end = attempts.size();
+  std::size_t begin = history.empty() ? 0 : history.back().attempt + 1, end = attempts.size();
   for (const Tried& tried : history) {
     if (tried.outcome == Outcome::good) return std::nullopt;
-    if (tried.outcome == Outcome::poor) end = std::min(end, tried.attempt + 2);
+    if (tried.outcome != Outcome::poor && tried.outcome != Outcome::uncovered) continue;
+    std::size_t other = tried.attempt + 1;
+    while (attempts[tried.attempt].unasked && other < end && attempts[other].keeps_features) ++other;
+    begin = std::max(begin, other);
+    end = std::min(end, other + 1);
   }
   double unreachable_edge = 0;
   for (const Tried& tried : history)
     if (tried.outcome == Outcome::triangles_unavailable)
       unreachable_edge = std::max(unreachable_edge, attempts[tried.attempt].longest_edge);
-  for (std::size_t k = history.empty() ? 0 : history.back().attempt + 1; k < end; ++k) {
+  for (std::size_t k = begin; k < end; ++k) {
     const Attempt& attempt = attempts[k];
     const std::vector<Tried> before = detail::same_budget(attempts, history, k);
     const auto has = [&](auto&& property) { return std::ranges::any_of(before, property); };

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <iomanip>
 #include <numeric>
+#include <sstream>
 
 #include "quadrig/constraints/gradation.hpp"
 #include "quadrig/dominance.hpp"
@@ -8,6 +10,7 @@
 #include "quadrig/pipeline/features.hpp"
 #include "quadrig/pipeline/shares.hpp"
 #include "quadrig/quads/topology.hpp"
+#include "quadrig/quality/coverage.hpp"
 
 namespace quadrig {
 
@@ -26,7 +29,8 @@ QUADRIG_INLINE Status RemeshOptions::validate() const {
   if (!(count_tolerance > 0)) return bad("count_tolerance", "not positive", "give a fraction such as 0.05");
   if (!(bend_degrees > 0 && bend_degrees < 180))
     return bad("bend_degrees", "out of range", "give an angle in (0, 180)");
-  if (!(crease_angle_radians > 0)) return bad("crease_angle_radians", "not positive", "give an angle in radians");
+  if (crease_angle_radians && !(*crease_angle_radians > 0))
+    return bad("crease_angle_radians", "not positive", "give an angle in radians");
   if (!(directions.posed >= 0)) return bad("directions.posed", "negative", "give 0 or more");
   if (const Status status = fit.validate(); !status.ok()) return status;
   if (const Status status = polish.validate(); !status.ok()) return status;
@@ -254,9 +258,12 @@ class Remesher {
       faces_[c].push_back(f);
       share[c] += mesh_.area(f) * (sized() ? sizes_.density[at(f)] : 1.0);
     }
-    const std::vector<double> due = quads_due(share, options_.quads);
+    std::vector<double> least(share.size(), least_quads);
+    for (Index h = 0; h < mesh_.halfedge_count(); ++h)
+      if (mesh_.twin(h) == no_index) least[at(components.of_face[at(h / 3)])] = least_of_sheet;
+    const std::vector<double> due = quads_due(share, options_.quads, least);
     if (context_.cancelled()) return cancelled_error("remesh");
-    const EdgeMarks kept = kept_edges(mesh_, options_);
+    const EdgeMarks kept = kept_edges(asset_, options_);
     const OwnDirections given = own_directions();
     const RemeshShared shared{asset_,
                               connection,
@@ -299,7 +306,7 @@ class Remesher {
     for (const Part& part : parts_) got.push_back((*part)->mesh.quad_count());
     double missed = static_cast<double>(std::accumulate(got.begin(), got.end(), Index{0})) - options_.quads;
     if (parts_.size() == 1) return {};
-    const auto again = asked_again(due, got, missed, 0.8 * options_.count_tolerance * options_.quads);
+    const auto again = asked_again(due, got, least, missed, 0.8 * options_.count_tolerance * options_.quads);
     std::vector<Part> others(again.size());
     context_.parallel_for(again.size(), 1, [&](std::size_t begin, std::size_t end) {
       for (std::size_t k = begin; k < end; ++k) others[k] = remesh_part(again[k].first, again[k].second);
@@ -335,6 +342,7 @@ class Remesher {
       ComponentResult& part = **slot;
       const Index n = part.mesh.vertex_count(), m = part.mesh.quad_count();
       std::copy(part.held.begin(), part.held.end(), quads_.on_features.begin() + first_vertex);
+      std::copy(part.landed.begin(), part.landed.end(), quads_.held.begin() + first_vertex);
       out.positions.middleRows(first_vertex, n) = part.mesh.positions;
       out.quads.middleRows(first_quad, m) = part.mesh.quads.array() + first_vertex;
       out.source.insert(out.source.end(), part.mesh.source.begin(), part.mesh.source.end());
@@ -393,6 +401,8 @@ class Finisher {
     context_.progress("fit", parts_done);
     if (Status status = finish(); !status.ok()) return status.error();
     RemeshReport& report = quads_.report;
+    measure_coverage(report);
+    if (context_.cancelled()) return cancelled_error("check of the result");
     sum_up(report);
     for (const Warning& warning : report.warnings) context_.warnings.push_back(warning);
     report.seconds.total += total.seconds();
@@ -410,7 +420,9 @@ class Finisher {
   [[nodiscard]] Status finish() {
     const Stopwatch watch;
     std::vector<char> held = std::move(quads_.held);
-    for (std::size_t v = 0; v < held.size(); ++v) held[v] = held[v] || quads_.on_features[v];
+    // Lines of edges that are kept are smooth in a cage, as a renderer without creases of its own makes them.
+    if (options_.fit.method != FitMethod::subdivision)
+      for (std::size_t v = 0; v < held.size(); ++v) held[v] = held[v] || quads_.on_features[v];
     if (options_.fit.method == FitMethod::slide)
       (void)slide(mesh_, quads_.targets, beside_surface_held(held), options_.fit.slide, quads_.mesh, context_);
     if (context_.cancelled()) return cancelled_error("fit");
@@ -461,6 +473,65 @@ class Finisher {
     return held;
   }
 
+  /// What each component's quads, which lie one component after the other, leave out of it.
+  void measure_coverage(RemeshReport& report) const {
+    const Components components = face_components(mesh_);
+    std::vector<std::vector<Index>> faces(at(components.count));
+    for (Index f = 0; f < mesh_.face_count(); ++f) faces[at(components.of_face[at(f)])].push_back(f);
+    std::vector<Index> first{0};
+    for (const ComponentReport& part : report.components) first.push_back(first.back() + part.quads);
+    const auto measure = [&](std::size_t c, const Context& context) {
+      ComponentReport& part = report.components[c];
+      const QuadMesh& quads = quads_.mesh;
+      double area = 0, quad_area = 0;
+      for (const Index f : faces[c]) area += mesh_.area(f);
+      part.edge = std::sqrt(area / part.quads);
+      const Quads own = quads.quads.middleRows(first[c], part.quads);
+      for (Index q = 0; q < part.quads; ++q) {
+        const auto corner = [&](int i) { return Vector3(quads.positions.row(own(q, i)).transpose()); };
+        quad_area += (corner(2) - corner(0)).cross(corner(3) - corner(1)).norm() / 2;
+      }
+      const double bound = ComponentReport::most_edges_off * part.edge;
+      const Coverage covered = coverage(mesh_, faces[c], quads.positions, own, bound, context);
+      const Stray strays = stray(mesh_, faces[c], quads, first[c], part.quads, bound, context);
+      const bool bulges = strays.farthest > covered.farthest;
+      part.farthest = bulges ? strays.farthest : covered.farthest;
+      part.farthest_place = bulges ? strays.place : covered.place;
+      part.share_missed = covered.share_beyond;
+      part.area_ratio = area > 0 ? quad_area / area : 1;
+    };
+    if (faces.size() == 1) return measure(0, context_);
+    context_.parallel_for(faces.size(), 1, [&](std::size_t begin, std::size_t end) {
+      const Context quiet = context_.quiet(1);
+      for (std::size_t c = begin; c < end && !quiet.cancelled(); ++c) measure(c, quiet);
+    });
+  }
+
+  static constexpr Index most_named = 20;  // components, of each fault
+
+  /// Which parts lost something, where and how much.
+  void warn_of_misses(RemeshReport& report) const {
+    Index missing = 0;
+    for (std::size_t c = 0; c < report.components.size(); ++c) {
+      const ComponentReport& part = report.components[c];
+      if (!part.misses() || ++missing > most_named) continue;
+      const auto number = [](double x) {
+        std::ostringstream text;
+        text << std::setprecision(3) << x;
+        return text.str();
+      };
+      const Vector3& p = part.farthest_place;
+      report.warnings.push_back(
+          {"coverage", "component " + std::to_string(c) + ": the surface at (" + number(p[0]) + ", " + number(p[1]) +
+                           ", " + number(p[2]) + ") lies " + number(part.farthest / part.edge) +
+                           " edges of a quad from the quads, and " + number(100 * part.share_missed) +
+                           " % of its area more than one; ask for more quads"});
+    }
+    if (missing > most_named)
+      report.warnings.push_back({"coverage", std::to_string(missing - most_named) +
+                                                 " more components lie farther than an edge from the quads"});
+  }
+
   /// Figures and warnings of the report.
   void sum_up(RemeshReport& report) const {
     double sum = 0;
@@ -473,7 +544,15 @@ class Finisher {
       turned += turned_over(mesh_, quads_.mesh, q);
     }
     report.scaled_jacobian_average = report.quads > 0 ? sum / report.quads : 0;
-    if (report.quads > options_.quads * (1 + options_.count_tolerance)) report.minimum_count = report.quads;
+    if (report.quads > options_.quads * (1 + options_.count_tolerance)) {
+      report.minimum_count = report.quads;
+      report.warnings.push_back(
+          {"count", std::to_string(report.quads) + " quads where " + std::to_string(options_.quads) +
+                        " were asked for: fewer that fit this surface" +
+                        (report.components.size() > 1 ? " of " + std::to_string(report.components.size()) + " parts"
+                                                      : std::string()) +
+                        " were not found"});
+    }
     if (report.quads < options_.quads * (1 - options_.count_tolerance))
       report.warnings.push_back({"remesh", std::to_string(report.quads) + " quads where " +
                                                std::to_string(options_.quads) +
@@ -481,17 +560,23 @@ class Finisher {
     if (turned > 0)
       report.warnings.push_back({"remesh", std::to_string(turned) + (turned == 1 ? " quad is" : " quads are") +
                                                " folded over on the surface; another count may help"});
+    warn_of_misses(report);
     double kept_length = 0, kept_as_quads = 0;
+    Index split = 0;
     for (std::size_t c = 0; c < report.components.size(); ++c) {
       const ComponentReport& part = report.components[c];
       kept_length += part.kept_length;
       kept_as_quads += part.kept_as_quads;
-      if (part.rung == Rung::split)
+      if (part.rung == Rung::split && ++split <= most_named)
         report.warnings.push_back(
             {"remesh", "component " + std::to_string(c) + ": no valid map, split from triangles (" +
                            (part.reasons.empty() ? std::string("no attempt") : part.reasons.back()) + ")"});
     }
-    if (kept_as_quads < 0.99 * kept_length)
+    if (split > most_named)
+      report.warnings.push_back(
+          {"remesh", std::to_string(split - most_named) + " more components were split from triangles"});
+    // Of creases that nobody asked for only what is missed without them counts.
+    if (asks_for_features(options_) && kept_as_quads < 0.99 * kept_length)
       report.warnings.push_back(
           {"remesh", std::to_string(static_cast<int>(100 * (1 - kept_as_quads / kept_length) + 0.5)) +
                          " % of the length of creases and features are no edges of quads; more quads may help"});

@@ -9,11 +9,13 @@ namespace detail {
 
 class Polisher {
  public:
-  Polisher(const TriangleMesh<double>& mesh, const PolishOptions& options, const EdgeMarks& kept, QuadMesh& quads)
+  Polisher(const TriangleMesh<double>& mesh, const PolishOptions& options, const EdgeMarks& kept,
+           std::span<const char> held, QuadMesh& quads)
       : mesh_(mesh), options_(options), quads_(quads), corners_(quads) {
     const auto n = static_cast<std::size_t>(quads.vertex_count());
     rail_.assign(n, no_index);
-    fixed_.assign(n, 0);
+    fixed_.assign(held.begin(), held.end());
+    fixed_.resize(n, 0);
     if (mesh.closed() && kept.empty()) return;
     curves_.emplace(mesh, joined_marks(border_marks(mesh), kept), EdgeCurves::eighth);
     find_border();
@@ -297,9 +299,9 @@ QUADRIG_INLINE Status PolishOptions::validate() const {
 }
 
 QUADRIG_INLINE PolishedQuads polish(const TriangleMesh<double>& mesh, const PolishOptions& options, QuadMesh quads,
-                                    Context& context, const EdgeMarks& kept) {
+                                    Context& context, const EdgeMarks& kept, std::span<const char> held) {
   PolishedQuads polished{std::move(quads), {}};
-  polished.report = detail::Polisher(mesh, options, kept, polished.mesh).run(context);
+  polished.report = detail::Polisher(mesh, options, kept, held, polished.mesh).run(context);
   return polished;
 }
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "quadrig/prepare.hpp"
+#include "quadrig/prepare/flaps.hpp"
 #include "quadrig/prepare/repair.ipp"
 
 namespace quadrig {
@@ -59,7 +60,7 @@ QUADRIG_INLINE std::vector<std::string> PrepareReport::repairs() const {
   add(welded_vertices, "doubled vertex welded", "doubled vertices welded");
   add(contracted_edges, "edge of zero length contracted", "edges of zero length contracted");
   add(degenerate_faces, "face with a repeated vertex dropped", "faces with a repeated vertex dropped");
-  add(repeated_faces, "repeated face dropped", "repeated faces dropped");
+  add(repeated_faces, "repeated or stray face dropped", "repeated or stray faces dropped");
   add(flat_faces, "face without area removed", "faces without area removed");
   add(split_edges, "edge of more than two faces cut apart", "edges of more than two faces cut apart");
   add(split_vertices, "vertex of several fans doubled", "vertices of several fans doubled");
@@ -117,6 +118,7 @@ QUADRIG_INLINE Expected<Prepared> prepare(const PolygonMesh& input, const Vertex
   if (context.cancelled()) return cancelled_error("prepare");
   apply_groups(work, welded, report);
   if (context.cancelled()) return cancelled_error("prepare");
+  report.repeated_faces += Flaps(work).drop();
   make_manifold(work, options, report, context);
   for (int pass = 0; pass < 8 && !context.cancelled(); ++pass) {
     DisjointSets groups(work.source.size());

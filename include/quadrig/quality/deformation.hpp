@@ -2,6 +2,7 @@
 #pragma once
 
 #include "quadrig/quality/distance.hpp"
+#include "quadrig/subdivision.hpp"
 #include "quadrig/transfer.hpp"
 
 namespace quadrig {
@@ -12,6 +13,8 @@ struct DeformationOptions {
   std::uint64_t seed = 7;
   double joint_blending = 0.05;  ///< a sample is at a joint where its strongest bone leaves more than this to others
   double bent_blending = 0.1;    ///< a sample is bent by a pose where the strongest rigid body leaves more than this
+  /// Borrowed: the coarse mesh is a cage, posed and then subdivided so; null: it is drawn as it is.
+  const Subdivision* subdivision = nullptr;
   [[nodiscard]] Status validate() const;
 };
 
@@ -29,7 +32,10 @@ struct DeformationFigures {
   double bent_rms = 0;                           ///< coarse to fine, samples in poses that bend them
   double bent_rest_rms = 0;                      ///< the same samples, each as often, at rest
   double bent_normal_degrees = 0;
-  double flipped = 0;                  ///< share of samples whose normal points the other way, in [0, 1]
+  double flipped = 0;  ///< share of samples whose normal points the other way, in [0, 1]
+  /// Volume within the coarse surface over that of the input, less 1: at rest, and where it is furthest from 0 in a
+  /// pose; 0 where a surface is open.
+  double rest_volume = 0, posed_volume = 0;
   double scaled_jacobian_average = 0;  ///< of the posed quads, over all poses
   double scaled_jacobian_minimum = 0;
   double scaled_jacobian_negative = 0;  ///< share below 0, in [0, 1]

@@ -4,6 +4,7 @@
 #include <numbers>
 
 #include "quadrig/quality/deformation.hpp"
+#include "quadrig/quality/statistics.hpp"
 
 namespace quadrig {
 
@@ -66,6 +67,30 @@ inline Vector3 triangle_normal(const Points<double>& positions, const Triangles&
   return n / std::max(n.norm(), 1e-30);
 }
 
+/// Six times the volume that triangles enclose, by Gauss's theorem. \pre closed
+inline double enclosed(const Points<double>& positions, const Triangles& faces) {
+  double sum = 0;
+  for (Eigen::Index f = 0; f < faces.rows(); ++f)
+    sum +=
+        positions.row(faces(f, 0))
+            .transpose()
+            .dot(
+                Vector3(positions.row(faces(f, 1)).transpose()).cross(Vector3(positions.row(faces(f, 2)).transpose())));
+  return sum;
+}
+inline bool is_closed(const Triangles& faces) {
+  std::vector<std::array<Index, 2>> sides;
+  for (Eigen::Index f = 0; f < faces.rows(); ++f)
+    for (int i = 0; i < 3; ++i) {
+      const Index a = faces(f, i), b = faces(f, (i + 1) % 3);
+      sides.push_back({std::min(a, b), std::max(a, b)});
+    }
+  std::sort(sides.begin(), sides.end());
+  for (std::size_t k = 0; k < sides.size(); k += 2)
+    if (k + 1 == sides.size() || sides[k] != sides[k + 1]) return false;
+  return true;
+}
+
 }  // namespace detail
 
 QUADRIG_INLINE Expected<DeformationFigures> deformation_error(const TriangleMesh<double>& input,
@@ -87,14 +112,22 @@ QUADRIG_INLINE Expected<DeformationFigures> deformation_error(const TriangleMesh
     if (static_cast<Eigen::Index>(poses[p].size()) != weights.cols())
       return misfit("another number of bones", "pose " + std::to_string(p));
 
-  const Triangles faces = fan_triangles(coarse);
-  const std::vector<SurfacePoint> there = sample_surface(coarse.positions, faces, options.samples, options.seed);
+  const Subdivision* smooth = options.subdivision;
+  if (smooth && smooth->stencils.cols() != coarse.vertex_count())
+    return misfit("stencils of another number of vertices", "subdivision");
+  const auto drawn = [&](Points<double> cage) {
+    return smooth ? Points<double>(smooth->stencils * cage) : std::move(cage);
+  };
+  const Triangles faces =
+      smooth ? fan_triangles(to_polygons(QuadMesh{coarse.positions, smooth->quads, {}})) : fan_triangles(coarse);
+  const std::vector<SurfacePoint> there = sample_surface(drawn(coarse.positions), faces, options.samples, options.seed);
   const std::vector<SurfacePoint> back =
       sample_surface(input.positions(), input.faces(), options.samples, options.seed + 1);
   if (there.empty() || back.empty()) return misfit("a surface has no area", "deformation error");
   const auto count = static_cast<std::size_t>(options.samples);
   const double unit = 1e4 / input.diagonal();
-  const SkinWeights sample_weights = detail::weights_at(coarse_weights, faces, there);
+  const SkinWeights sample_weights =
+      detail::weights_at(smooth ? SkinWeights(smooth->stencils * coarse_weights) : coarse_weights, faces, there);
   std::vector<char> at_joint(count);
   for (std::size_t k = 0; k < count; ++k) {
     double most = 0;
@@ -106,18 +139,21 @@ QUADRIG_INLINE Expected<DeformationFigures> deformation_error(const TriangleMesh
   struct PoseFigures {
     detail::DeviationSums joints, all, bent, back;
     std::vector<float> distance, back_distance;
-    double flipped = 0, jacobian_sum = 0, jacobian_minimum = 1, jacobian_negative = 0, quads = 0;
+    double volume = 0, flipped = 0, jacobian_sum = 0, jacobian_minimum = 1, jacobian_negative = 0, quads = 0;
   };
   std::vector<double> rest_distance(count, 0);
+  const bool closed = detail::is_closed(input.faces()) && detail::is_closed(faces);
   // Pose, compare, and take the distances at rest from the first run, which is the rest pose itself.
   const auto compare = [&](const Pose* pose) {
     PoseFigures figures;
     const Points<double> fine = pose ? skin(input.positions(), weights, *pose, options.skinning) : input.positions();
-    const Points<double> posed =
+    const Points<double> cage =
         pose ? skin(coarse.positions, coarse_weights, *pose, options.skinning) : coarse.positions;
+    const Points<double> posed = drawn(cage);
     const Eigen::VectorXd blend = pose ? blending(sample_weights, *pose) : Eigen::VectorXd::Zero(options.samples);
     const ClosestPoint fine_tree(fine, input.faces()), posed_tree(posed, faces);
     const Points<double> from = positions_at(posed, faces, there), from_back = positions_at(fine, input.faces(), back);
+    if (closed) figures.volume = detail::enclosed(posed, faces) / detail::enclosed(fine, input.faces()) - 1;
     figures.distance.resize(count);
     figures.back_distance.resize(count);
     for (std::size_t k = 0; k < count; ++k) {
@@ -145,7 +181,7 @@ QUADRIG_INLINE Expected<DeformationFigures> deformation_error(const TriangleMesh
     for (Index f = 0; f < coarse.polygon_count(); ++f) {
       const auto polygon = coarse.polygon(f);
       if (polygon.size() != 4) continue;
-      const double jacobian = scaled_jacobian(posed, {polygon[0], polygon[1], polygon[2], polygon[3]});
+      const double jacobian = scaled_jacobian(cage, {polygon[0], polygon[1], polygon[2], polygon[3]});
       ++figures.quads;
       figures.jacobian_sum += jacobian;
       figures.jacobian_minimum = std::min(figures.jacobian_minimum, jacobian);
@@ -170,6 +206,7 @@ QUADRIG_INLINE Expected<DeformationFigures> deformation_error(const TriangleMesh
     sum.back.add(own.back);
     sum.flipped += own.flipped;
     sum.quads += own.quads;
+    if (std::abs(own.volume) > std::abs(sum.volume)) sum.volume = own.volume;
     sum.jacobian_sum += own.jacobian_sum;
     sum.jacobian_negative += own.jacobian_negative;
     sum.jacobian_minimum = std::min(sum.jacobian_minimum, own.jacobian_minimum);
@@ -188,6 +225,8 @@ QUADRIG_INLINE Expected<DeformationFigures> deformation_error(const TriangleMesh
   result.bent_rms = sum.bent.rms();
   result.bent_rest_rms = sum.bent.rest_rms();
   result.bent_normal_degrees = sum.bent.mean_degrees();
+  result.rest_volume = rest.volume;
+  result.posed_volume = sum.volume;
   result.flipped = sum.flipped / sum.all.count;
   if (sum.quads > 0) {
     result.scaled_jacobian_average = sum.jacobian_sum / sum.quads;

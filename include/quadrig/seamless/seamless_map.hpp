@@ -4,6 +4,7 @@
 #include <variant>
 
 #include "quadrig/seamless/aligned_edges.hpp"
+#include "quadrig/seamless/measure_strain.hpp"
 #include "quadrig/seamless/closed_loops.hpp"
 #include "quadrig/seamless/target.hpp"
 #include "quadrig/seamless/untangle.hpp"
@@ -30,6 +31,7 @@ struct SeamlessOptions {
 
 struct SeamlessReport {
   MapDefects defects;
+  MapStrain strain;                ///< of a valid map
   std::vector<Index> trouble;      ///< where the map keeps defects: faces at which the last solve had them
   std::vector<std::string> tries;  ///< of every solve whose map kept defects, what they were
   std::vector<char> closed;        ///< of each of the loops whether the map closes along it

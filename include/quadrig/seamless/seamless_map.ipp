@@ -186,6 +186,8 @@ QUADRIG_INLINE Expected<SeamlessMap> seamless_map(const TriangleMesh<double>& me
                                                        : "vertex " + std::to_string(defects.wrong_vertices.front())),
                  "ask for more quads or a smoother field"};
   }
+  map->report.strain =
+      map_strain(mesh, map->cut.rotation, target_edges(mesh, connection, map->cut, frames.u, frames.v), map->z);
   if (options.quads > 0) {
     const double scale = std::sqrt(options.quads / map_area(map->z));
     for (Complex& p : map->z) p *= scale;
