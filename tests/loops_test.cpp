@@ -1,10 +1,10 @@
 #include <numeric>
 
-#include "quadrig/field/bands.hpp"
 #include "quadrig/field/loops.hpp"
+#include "quadrig/field/surgery.hpp"
 #include "quadrig/pipeline.hpp"
 #include "quadrig/quantize.hpp"
-#include "quadrig/quantize/rings.hpp"
+#include "quadrig/quantize/quantizer.hpp"
 #include "quadrig/samples.hpp"
 #include "quadrig/seamless.hpp"
 #include "test.hpp"
@@ -131,6 +131,18 @@ TEST_CASE("loops: the translation across a loop that a map is to close is 0", "[
   const CoarseMap coarse = decimate_map(c.asset.mesh, map.cut, map.index4, map.aligned, map.z);
   const std::vector<detail::Ring> rings = detail::near_rings(coarse, 1, 1.5);
   CHECK(std::ranges::count_if(rings, &detail::Ring::closed) >= 4);
+  for (const double quads : {1500.0, 3000.0}) {
+    QuantizeOptions wanted;
+    wanted.target_quads = quads;
+    const std::vector<char> on_border(at(c.asset.mesh.vertex_count()), 0);
+    const Quantization integers = quantize(coarse, map.index4, on_border, wanted, context).value();
+    for (const detail::Ring& ring : rings) {
+      if (!ring.closed()) continue;
+      Gaussian sum{};
+      for (const auto& [h, turn] : ring.walk) sum = sum + rotated(integers.edge[at(h)], turn & 3);
+      CHECK(ring.across(sum.re, sum.im) == 0);
+    }
+  }
 }
 
 TEST_CASE("loops: a limb has closed rings at its joint at every count", "[loops][pipeline]") {

@@ -201,12 +201,30 @@ class HingeFinder {
   std::vector<Hinge> hinges;
   const detail::HingeFinder finder(mesh, rig.skeleton);
   const Eigen::SparseMatrix<double, Eigen::ColMajor, Index> columns = rig.weights;
+  // Of each bone those that carry weight, of it and all below it. A chain as long as a file can name is not followed to
+  // its end.
+  constexpr std::size_t most_below = 1 << 20;
+  constexpr double most_work = 4e8;  // bones times half-edges
+  std::vector<std::vector<Index>> weighted(at(rig.skeleton.bone_count()));
+  std::size_t below_all = 0;
+  for (Index b = 0; b < rig.skeleton.bone_count(); ++b) {
+    if (columns.outerIndexPtr()[b + 1] == columns.outerIndexPtr()[b]) continue;
+    Index up = b;
+    for (std::size_t step = 0; up != no_index && step < weighted.size() && below_all < most_below;
+         ++step, ++below_all) {
+      if (!weighted[at(up)].empty() && weighted[at(up)].back() == b) break;  // parents that form a ring
+      weighted[at(up)].push_back(b);
+      up = rig.skeleton.bones[at(up)].parent;
+    }
+  }
   std::vector<double> moved(at(mesh.vertex_count()));
   std::vector<std::vector<Index>> known;
+  double work = 0;
   for (Index b = 0; b < rig.skeleton.bone_count(); ++b) {
-    if (rig.skeleton.bones[at(b)].parent == no_index) continue;
+    if (rig.skeleton.bones[at(b)].parent == no_index || weighted[at(b)].empty()) continue;
+    if ((work += mesh.halfedge_count()) > most_work) break;
     std::fill(moved.begin(), moved.end(), 0.0);
-    for (const Index below : bones_below(rig.skeleton, b))
+    for (const Index below : weighted[at(b)])
       for (Eigen::SparseMatrix<double, Eigen::ColMajor, Index>::InnerIterator it(columns, below); it; ++it)
         moved[at(static_cast<Index>(it.row()))] += it.value();
     const std::size_t before = hinges.size();

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "quadrig/field/bands.hpp"
+#include "quadrig/field/loops.hpp"
 #include "quadrig/field/surgery.hpp"
 #include "quadrig/pipeline/attempt.hpp"
 #include "quadrig/pipeline/landing.hpp"
@@ -193,11 +193,8 @@ class AttemptRun {
       if (!mend_) return Outcome::tangled;
       if (attempt_.keeps_features && is_noise(static_cast<Index>(trouble.size()), mesh_.face_count()))
         return Outcome::noisy;
-      if (!budget.spent(Work::maps) && release_loops(trouble)) {
-        --mended;
-        continue;
-      }
       const bool last = mended == mends;
+      if (!last && !budget.spent(Work::maps) && release_loops(trouble)) continue;
       if (!budget.spent(Work::maps) && release_near(mesh_, trouble, piece_.kept)) {
         if (last) return Outcome::tangled;
         continue;

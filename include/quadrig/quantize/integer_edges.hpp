@@ -72,6 +72,13 @@ class IntegerEdges {
   }
   [[nodiscard]] const std::vector<Gaussian>& edges() const { return omega_; }
 
+  /// Whether every ring that the map closes is closed.
+  [[nodiscard]] bool demands_met() const {
+    for (std::size_t ring = 0; ring < rings_.size(); ++ring)
+      if (rings_[ring].closed() && pitch(ring) != 0) return false;
+    return true;
+  }
+
  protected:
   static constexpr double turning = 4;  // weight of shear against stretch
 

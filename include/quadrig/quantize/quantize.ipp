@@ -63,6 +63,7 @@ QUADRIG_INLINE Expected<Quantization> quantize(const CoarseMap& map, const std::
     spend(quantizer.effort());
     result.quads = quantizer.quads();
     result.start_scale = sigma;
+    const bool met = quantizer.demands_met();
     const double quads = result.quads, miss = std::abs(quads / options.target_quads - 1);
     ++waited;
     // Of counts that are near enough the integers that bend the map the least, else the nearest count.
@@ -75,7 +76,7 @@ QUADRIG_INLINE Expected<Quantization> quantize(const CoarseMap& map, const std::
       kept.emplace(std::move(quantizer));
       waited = 0;
     }
-    if (miss < options.tolerance / 4) break;
+    if (miss < options.tolerance / 4 && met) break;
     if (miss > 0.5 && waited > 1) break;  // the topology forces a different count
     // Towards the count; halfway between two sizes that miss it on either side where that leads past one of them.
     (quads < options.target_quads ? below : above) = scale;

@@ -1,6 +1,8 @@
 // Moves on the integers of a coarse map that add or take one row of quads.
 #pragma once
 
+#include <numeric>
+
 #include "quadrig/quantize/integer_edges.hpp"
 
 namespace quadrig::detail {
@@ -76,16 +78,23 @@ class Quantizer : public IntegerEdges {
     return moves;
   }
 
-  /// Moves the rows that close rings where that is worth what it bends, and descends from there. \pre valid
+  /// Moves the rows that close rings where that is worth what it bends, those first that the map closes itself, and
+  /// descends from there. \pre valid
   int close_rings(const Context& context) {
+    std::vector<std::size_t> order(rings_.size());
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+      const bool one = rings_[a].closed(), other = rings_[b].closed();
+      return one != other ? one : one && rings_[a].length > rings_[b].length;
+    });
     int moves = 0;
-    const std::int64_t enough = work_ + 2'000'000;
+    const std::int64_t enough = work_ + 3'000'000;
     for (int pass = 0; pass < 6; ++pass) {
       int accepted = 0;
-      for (std::size_t ring = 0; ring < rings_.size(); ++ring)
+      for (const std::size_t ring : order)
         for (int guard = 0; guard < 4 && pitch(ring) != 0; ++guard) {
           if (work_ > enough || stop(context)) return moves + accepted;
-          if (!close_ring(ring, true) && !close_ring(ring, false)) break;
+          if (!close_ring(ring, true) && !close_ring(ring, false) && !close_by_detour(ring)) break;
           ++accepted;
         }
       if (accepted == 0) break;
@@ -167,8 +176,12 @@ class Quantizer : public IntegerEdges {
 
  private:
   static constexpr double broken = 1e6;  // dwarfs any energy
-  /// What a strip is tried for. For the count it is only offered.
-  enum class Aim : std::uint8_t { repair, energy, count };
+  /// What a strip is tried for. For the count it is only offered, for a detour whatever it costs taken.
+  enum class Aim : std::uint8_t { repair, energy, count, detour };
+  struct Strip {
+    double price;
+    std::vector<std::pair<Index, Gaussian>> changes;
+  };
   struct Offer {
     double price, quads;  // energy a quad, and how many more quads
     std::vector<Index> faces;
@@ -312,10 +325,6 @@ class Quantizer : public IntegerEdges {
         for (const auto& [node, crossings] : ring_crossings_[other]) toll[at(node)] += ring_weight_[other] * crossings;
     beside_ += static_cast<std::int64_t>(toll.size() * rings_.size() / 16);
     ring_reached_.resize(at(levels * states));
-    struct Strip {
-      double price;
-      std::vector<std::pair<Index, Gaussian>> changes;
-    };
     std::vector<Strip> strips;
     // No dearer than what it can gain, nor much dearer than others.
     double budget = std::min(broken / 2, ring_weight_[ring] * static_cast<double>(off * off));
@@ -361,10 +370,39 @@ class Quantizer : public IntegerEdges {
       }
     std::stable_sort(strips.begin(), strips.end(), [](const Strip& x, const Strip& y) { return x.price < y.price; });
     for (Strip& strip : strips) {
-      changes_ = std::move(strip.changes);
+      changes_ = strip.changes;
       if (apply_if_better(Aim::energy)) return true;
     }
+    detours_ = std::move(strips);
     return false;
+  }
+
+  /// Closes a ring that the map closes by a strip that opens others, and these again.
+  /// \pre close_ring found no way for it, crossing others freely
+  bool close_by_detour(std::size_t ring) {
+    if (!rings_[ring].closed()) return false;
+    constexpr std::size_t most = 4;
+    const std::vector<Gaussian> before = omega_;
+    const double energy_before = whole_energy();
+    std::vector<Strip> ways = std::exchange(detours_, {});
+    for (std::size_t way = 0; way < std::min(most, ways.size()); ++way) {
+      changes_ = ways[way].changes;
+      if (!apply_if_better(Aim::detour)) continue;
+      for (bool again = true; again && effort() <= most_;) {
+        again = false;
+        for (std::size_t other = 0; other < rings_.size(); ++other)
+          if (rings_[other].closed() && other != ring && pitch(other) != 0)
+            again = close_ring(other, true) || close_ring(other, false) || again;
+      }
+      if (whole_energy() < energy_before - 1e-9) return true;
+      omega_ = before;
+    }
+    return false;
+  }
+  [[nodiscard]] double whole_energy() const {
+    double total = spirals();
+    for (Index h = 0; h < map_.halfedge_count(); ++h) total += cost(h, omega_[at(h)]);
+    return total;
   }
 
   [[nodiscard]] bool has_border() {
@@ -456,6 +494,7 @@ class Quantizer : public IntegerEdges {
     const auto bad_after = bad();
     double price = 0, more = 0;
     bool good = bad_after < bad_before;
+    if (aim == Aim::detour) good = bad_after == 0;
     if (aim == Aim::energy) good = bad_after == 0 && energy_of_touched() < before - 1e-9;
     if (aim == Aim::count) {
       more = area_of_touched() - area_before;
@@ -483,9 +522,10 @@ class Quantizer : public IntegerEdges {
   std::uint32_t search_ = 0;
   int border_known_ = 0;
   std::vector<std::pair<Index, Gaussian>> changes_;
-  std::vector<Offer> offers_;  // the cheapest first
-  double missing_ = 0;         // quads
-  std::int64_t work_ = 0;      // nodes searched, which bounds what a map of very many cones may cost
+  std::vector<Strip> detours_;  // the last that closed their ring but were not worth it
+  std::vector<Offer> offers_;   // the cheapest first
+  double missing_ = 0;          // quads
+  std::int64_t work_ = 0;       // nodes searched, which bounds what a map of very many cones may cost
   std::int64_t beside_ = 0, most_;
   std::vector<std::pair<double, Index>> queue_;  // price and node, a heap with the cheapest first
 };
