@@ -101,7 +101,7 @@ struct GltfRemeshed {
   std::vector<GltfShell> shells;
   Index triangles = 0;                            ///< that are in no quad
   Index kept_normals = 0;                         ///< shells whose normals were carried over
-  Index moved_vertices = 0;  ///< of sheets over other shells, to stay on their side
+  Index moved_vertices = 0;                       ///< of sheets over other shells, to stay on their side
   Index strayed = 0;                              ///< shells beyond `most_edges_off`
   Index passed_shells = 0, passed_triangles = 0;  ///< without a quad
   std::vector<GltfFailure> failures;

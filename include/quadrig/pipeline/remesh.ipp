@@ -455,6 +455,10 @@ class Remesher {
     place_images(mesh_, PartSurface(asset_, faces_[c]), *map_, std::span(all.twin).subspan(at(all.own)), all.own,
                  part.mesh);
     part.twin = std::move(all.twin);
+    if (!part.landed.empty()) {
+      part.landed.resize(part.twin.size());
+      for (std::size_t v = at(all.own); v < part.twin.size(); ++v) part.landed[v] = part.landed[at(part.twin[v])];
+    }
     settle_images(part, fine_enough, kept);
     if (!(least_jacobian(part.mesh) > 0)) return "a quad is inverted on the other side";
     mirror_held(part, all.own, kept);

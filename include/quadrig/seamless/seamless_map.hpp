@@ -4,8 +4,8 @@
 #include <variant>
 
 #include "quadrig/seamless/aligned_edges.hpp"
-#include "quadrig/seamless/measure_strain.hpp"
 #include "quadrig/seamless/closed_loops.hpp"
+#include "quadrig/seamless/measure_strain.hpp"
 #include "quadrig/seamless/target.hpp"
 #include "quadrig/seamless/untangle.hpp"
 
