@@ -99,10 +99,9 @@ TEST_CASE("ladder: features that nobody asked for are let go for better quads", 
   const std::vector<Attempt> attempts = ladder(facts);
   REQUIRE(attempts[1].keeps_features);
   REQUIRE_FALSE(attempts[2].keeps_features);
-  for (const Outcome outcome : {Outcome::poor, Outcome::uncovered}) {
-    CHECK(next_attempt(attempts, std::vector<Tried>{{0, outcome}}) == 2);
-    CHECK_FALSE(next_attempt(attempts, std::vector<Tried>{{0, outcome}, {2, Outcome::tangled}}).has_value());
-  }
+  CHECK(next_attempt(attempts, std::vector<Tried>{{0, Outcome::poor}}) == 2);
+  CHECK_FALSE(next_attempt(attempts, std::vector<Tried>{{0, Outcome::poor}, {2, Outcome::tangled}}).has_value());
+  CHECK(next_attempt(attempts, std::vector<Tried>{{0, Outcome::uncovered}}) == 1);
   CHECK(next_attempt(attempts, std::vector<Tried>{{0, Outcome::flat}}) == 1);
   facts.unasked = false;
   CHECK(next_attempt(ladder(facts), std::vector<Tried>{{0, Outcome::poor}}) == 1);

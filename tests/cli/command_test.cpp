@@ -86,6 +86,48 @@ TEST_CASE("command: a wrong option is one line and exit code 2", "[cli][fast]") 
   CHECK(names_in(folder.path()) == std::vector<std::string>{"a.obj", "a.tgf"});
 }
 
+TEST_CASE("command: parts that are missing and counts that are missed are exit code 9 where asked for", "[cli][fast]") {
+  const ScratchFolder folder("cli");
+  // A board: twelve triangles.
+  write_text(folder / "board.obj",
+             "v 0 0 0\nv 2 0 0\nv 2 1.5 0\nv 0 1.5 0\nv 0 0 .06\nv 2 0 .06\nv 2 1.5 .06\nv 0 1.5 .06\n"
+             "f 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n");
+  const std::string remesh = "remesh board.obj --quads 116 -o quads.obj --report report.json ";
+  CHECK(run_quadrig(folder, remesh).exit_code == 0);
+  CHECK(run_quadrig(folder, remesh + "--strict-count --count-tolerance 0.001").exit_code == 9);
+  CHECK(run_quadrig(folder, remesh + "--creases none --max-error 0").exit_code == 0);
+  CHECK(run_quadrig(folder, remesh + "--creases none --max-error 0.0001").exit_code == 9);
+  CHECK(run_quadrig(folder, remesh + "--creases 30").exit_code == 0);
+  CHECK(run_quadrig(folder, remesh + "--creases sharp").exit_code == 2);
+}
+
+TEST_CASE("command: loose triangles whose corners nearly touch are told how to weld them", "[cli][fast]") {
+  const ScratchFolder folder("cli");
+  std::string text;
+  constexpr int cells = 6;
+  int vertices = 0;
+  const auto corner = [&](int x, int y) {
+    const double off = 1e-6 * (++vertices % 7);
+    text += "v " + std::to_string(x + off) + " " + std::to_string(y - off) + " 0\n";
+  };
+  for (int x = 0; x < cells; ++x)
+    for (int y = 0; y < cells; ++y) {
+      corner(x, y), corner(x + 1, y), corner(x + 1, y + 1);
+      corner(x, y), corner(x + 1, y + 1), corner(x, y + 1);
+    }
+  for (int v = 1; v < vertices; v += 3)
+    text += "f " + std::to_string(v) + " " + std::to_string(v + 1) + " " + std::to_string(v + 2) + "\n";
+  write_text(folder / "soup.obj", text);
+  const auto loose = run_quadrig(folder, "remesh soup.obj --quads 36 -o quads.obj");
+  CHECK(loose.exit_code == 0);
+  const std::size_t told = loose.error.find("try --weld-distance ");
+  REQUIRE(told != std::string::npos);
+  const std::string distance = loose.error.substr(told + 20, loose.error.find('\n', told) - told - 20);
+  const auto welded = run_quadrig(folder, "remesh soup.obj --quads 36 -o quads.obj --weld-distance " + distance);
+  CHECK(welded.exit_code == 0);
+  CHECK(welded.error.find("parts of one triangle") == std::string::npos);
+}
+
 TEST_CASE("command: a file that is not there or not writable is exit code 3", "[cli][fast]") {
   const ScratchFolder folder("cli");
   write_text(folder / "a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");

@@ -35,6 +35,9 @@ struct FoundQuads {
   std::optional<ComponentMap> map;  ///< where RemeshOptions::keep_maps asks for it
 };
 
+/// Points farther than this from the quads, in edges of these, are missed: the fit may still cost a little.
+inline constexpr double covered_edges = 0.85 * ComponentReport::most_edges_off;
+
 struct AttemptResult {
   Outcome outcome = Outcome::flat;
   std::optional<FoundQuads> found;

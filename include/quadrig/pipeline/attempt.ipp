@@ -298,7 +298,7 @@ class AttemptRun {
                                field.report,
                                strain_,
                                std::move(map_)};
-    if (farthest > ComponentReport::most_edges_off) {
+    if (farthest > covered_edges) {
       leave("a point " + std::to_string(farthest).substr(0, 4) + " edges of quads off them");
       return Outcome::uncovered;
     }

@@ -167,10 +167,9 @@ class ComponentRemesher {
     return Tried{0, made->outcome, made->share_left, budget.left(Work::search)};
   }
 
-  /// Of quads, how near they are to being good: even, and on all of the surface.
+  /// Of quads, how near they are to being good: on all of the surface, which counts twice, and even.
   [[nodiscard]] static double worth(const FoundQuads& found) {
-    return std::min(1.0, found.made.least / fine_enough) +
-           std::min(1.0, ComponentReport::most_edges_off / found.farthest);
+    return std::min(1.0, found.made.least / fine_enough) + 2 * std::min(1.0, covered_edges / found.farthest);
   }
 
   void take_over(StageBackends& made) {

@@ -118,8 +118,8 @@ namespace detail {
 }
 
 /// The next attempt of a ladder, or none:
-/// - after good quads none, after poor ones one more, and the better wins: the first without features where nobody
-///   asked for these;
+/// - after good quads none, after poor ones one more, and the better wins; after poor ones with features that
+///   nobody asked for the first without them;
 /// - where the search for integers is spent, or four valid maps led to no quads, none on that budget: no field helps;
 /// - where features leave defects all over, none that keeps them;
 /// - on the surface's own triangles only while these have not taken their share of the work, and not finer than they
@@ -132,7 +132,9 @@ namespace detail {
     if (tried.outcome == Outcome::good) return std::nullopt;
     if (tried.outcome != Outcome::poor && tried.outcome != Outcome::uncovered) continue;
     std::size_t other = tried.attempt + 1;
-    while (attempts[tried.attempt].unasked && other < end && attempts[other].keeps_features) ++other;
+    while (tried.outcome == Outcome::poor && attempts[tried.attempt].unasked && other < end &&
+           attempts[other].keeps_features)
+      ++other;
     begin = std::max(begin, other);
     end = std::min(end, other + 1);
   }
