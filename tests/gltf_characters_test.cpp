@@ -207,6 +207,26 @@ TEST_CASE("gltf characters: quads of a field have the hard edges of the file, an
   CHECK(parted == rim);
 }
 
+TEST_CASE("gltf characters: the distance of each primitive is known, in each morph target too", "[gltf][fast]") {
+  const Character kept = made({.sides = 12, .rings = 16}, 204), fewer = made({.sides = 16, .rings = 24}, 40);
+  for (const Character* done : {&kept, &fewer}) {
+    const std::vector<GltfPrimitive>& primitives = done->surfaces.front().primitives;
+    REQUIRE(primitives.size() == 2);
+    Index triangles = 0;
+    for (const GltfPrimitive& one : primitives) {
+      triangles += one.triangles;
+      CHECK(one.mesh == 0);
+      CHECK(one.size > 1);
+      REQUIRE(one.targets.size() == 1);
+      CHECK((one.rest.largest > 1e-5) == (done == &fewer));
+      CHECK((one.targets[0].distance.largest > 1e-5) == (done == &fewer));
+      CHECK(one.rest.mean <= one.rest.largest);
+      CHECK(one.rest.largest < one.edge);
+    }
+    CHECK(triangles == done->triangles());
+  }
+}
+
 TEST_CASE("gltf characters: normals of the author are carried over, others made anew", "[gltf][fast]") {
   GltfRemeshOptions options;
   options.topology = GltfTopology::field;

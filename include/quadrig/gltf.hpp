@@ -93,12 +93,32 @@ struct GltfShell {
   double rms = 0, mean = 0, largest = 0;  ///< two-sided distance, at rest and posed
 };
 
+/// Both ways, in units of the mesh; the largest at vertices and samples.
+struct GltfDistance {
+  double mean = 0, largest = 0;
+};
+/// How far a primitive's new triangles are from its old ones.
+struct GltfPrimitive {
+  struct Target {
+    Index target;
+    std::string name;  ///< empty where the file gives none
+    GltfDistance distance;
+  };
+  Index mesh = no_index, primitive = no_index;  ///< of the file, of the mesh
+  Index input_triangles = 0, triangles = 0;
+  double edge = 0;  ///< of its new quads, about
+  double size = 0;  ///< the diagonal of its box
+  GltfDistance rest = {};
+  std::vector<Target> targets = {};  ///< morph targets that move it
+};
+
 /// What became of one surface.
 struct GltfRemeshed {
   GltfSurface surface;
   RemeshResult result;            ///< its quads; `source` refers to `remeshed`
   TriangleMesh<double> remeshed;  ///< the shells that have some
   std::vector<GltfShell> shells;
+  std::vector<GltfPrimitive> primitives;          ///< that are written anew
   Index triangles = 0;                            ///< that are in no quad
   Index kept_normals = 0;                         ///< shells whose normals were carried over
   Index moved_vertices = 0;                       ///< of sheets over other shells, to stay on their side

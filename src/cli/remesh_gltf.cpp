@@ -86,6 +86,24 @@ Json surfaces_json(std::span<const GltfRemeshed> all) {
                         {"rms", shell.rms},
                         {"mean", shell.mean},
                         {"largest", shell.largest}});
+    Json primitives = Json::array();
+    for (const GltfPrimitive& primitive : one.primitives) {
+      Json targets = Json::array();
+      for (const GltfPrimitive::Target& target : primitive.targets)
+        targets.push_back({{"target", target.target},
+                           {"name", target.name},
+                           {"mean", target.distance.mean},
+                           {"largest", target.distance.largest}});
+      primitives.push_back({{"mesh", primitive.mesh},
+                            {"primitive", primitive.primitive},
+                            {"input_triangles", primitive.input_triangles},
+                            {"triangles", primitive.triangles},
+                            {"edge", primitive.edge},
+                            {"size", primitive.size},
+                            {"mean", primitive.rest.mean},
+                            {"largest", primitive.rest.largest},
+                            {"targets", targets}});
+    }
     const Index skin = one.surface.skin;
     surfaces.push_back({{"skin", skin == no_index ? Json(nullptr) : Json(skin)},
                         {"meshes", one.surface.meshes},
@@ -97,6 +115,7 @@ Json surfaces_json(std::span<const GltfRemeshed> all) {
                         {"kept_normals", one.kept_normals},
                         {"moved_vertices", one.moved_vertices},
                         {"shells", shells},
+                        {"primitives", primitives},
                         {"passed_shells", one.passed_shells},
                         {"passed_triangles", one.passed_triangles},
                         {"failures", failures},

@@ -258,6 +258,7 @@ Status make_shell(const Gathered& gathered, const Shells& shells, Shell& shell, 
                   Context& context) {
   // Of candidates that are as near as each other the first is taken; simplified triangles must be nearer by this.
   constexpr double simplified_must_gain = 0.9;
+  constexpr double most_rows_gone = 5;  // times as many triangles, and rows are no match for a field
   // A modelled surface: most of its triangles are halves of quads, most vertices inside have four edges.
   constexpr double modelled_quads = 0.85, modelled_irregular = 0.4;
   const TriangleMesh<double>& mesh = gathered.surface.asset.mesh;
@@ -327,7 +328,9 @@ Status make_shell(const Gathered& gathered, const Shells& shells, Shell& shell, 
     shell.make = make;
     shell.field.reset();
   };
-  if (modelled || free)
+  // Of rows that went four times out of five no more is left than a field has.
+  const bool few_go = shell.due * most_rows_gone > shell.own();
+  if ((modelled && (few_go || no_field)) || free)
     compete(coarsened(own, *shells.wedges, poses.points(), {wanted, true, 0.5}, {}, context), GltfMake::rows, 1);
   if (free) {
     std::vector<Polygon> few = coarsened(triangles, *shells.wedges, poses.points(), {wanted, false, 0}, {}, context);

@@ -67,6 +67,23 @@ Index PrimitiveBuilder::vertex(std::uint64_t key, function_ref<Vertex()> make) {
   return place->second;
 }
 
+Points<double> PrimitiveBuilder::positions() const {
+  Points<double> rows(vertex_count(), 3);
+  for (Index v = 0; v < vertex_count(); ++v) rows.row(v) = vertices_[at(v)].position.transpose();
+  return rows;
+}
+
+Triangles PrimitiveBuilder::faces() const {
+  return Eigen::Map<const Eigen::Matrix<Index, Eigen::Dynamic, 3, Eigen::RowMajor>>(
+      indices_.data(), static_cast<Eigen::Index>(indices_.size() / 3), 3);
+}
+
+Points<double> PrimitiveBuilder::columns(Eigen::Index first) const {
+  Points<double> rows(vertex_count(), 3);
+  for (Index v = 0; v < vertex_count(); ++v) rows.row(v) = vertices_[at(v)].values.segment<3>(first).transpose();
+  return rows;
+}
+
 void PrimitiveBuilder::make_tangents(const Gathered& gathered, const Primitive& primitive) {
   std::vector<Vector3> positions, normals;
   std::vector<Eigen::Vector2d> texture;

@@ -35,6 +35,10 @@ class PrimitiveBuilder {
   /// Tangents of all vertices and of morph targets that have some; a vertex with several is made several.
   void make_tangents(const Gathered& gathered, const Primitive& primitive);
 
+  [[nodiscard]] Points<double> positions() const;
+  [[nodiscard]] Triangles faces() const;
+  /// Three columns of what the vertices carry.
+  [[nodiscard]] Points<double> columns(Eigen::Index first) const;
   [[nodiscard]] bool empty() const { return indices_.empty(); }
   [[nodiscard]] Index vertex_count() const { return static_cast<Index>(vertices_.size()); }
   /// Writes accessors and returns the primitive `old` with them in the place of its own.

@@ -4,6 +4,7 @@
 #include <numeric>
 
 #include "assemble.hpp"
+#include "distances.hpp"
 #include "layers.hpp"
 #include "normals.hpp"
 #include "roots.hpp"
@@ -316,6 +317,9 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
       for (std::size_t p = 0; p < job.builders.size(); ++p)
         if (job.gathered.primitives[p].tangents)
           job.builders[p].make_tangents(job.gathered, job.gathered.primitives[p]);
+      Expected<std::vector<GltfPrimitive>> distances = gltf::primitive_distances(state, job, context);
+      if (!distances) return distances.error();
+      done.primitives = std::move(*distances);
       if (context.cancelled()) return cancelled_error("gltf");
       any = any || done.result.report.quads > 0;
     }

@@ -118,8 +118,8 @@ double distance(const Vector3& p, Vector3& gradient) {
 double jaw_share(const Vector3& p) {
   const double soft = 0.0008 + 0.016 * step(0.012, 0.032, std::abs(p.x())) + 0.014 * step(0.07, 0.03, p.z());
   const double below = step(-soft, soft, mouth_y - p.y());
-  const double front = step(-0.02, 0.04, p.z()),
-               above_neck = step(-0.15, -0.112, p.y() - 0.35 * std::min(p.z() - 0.06, 0.0));
+  const double front = step(-0.025, 0.045, p.z()),
+               above_neck = step(-0.165, -0.105, p.y() - 0.35 * std::min(p.z() - 0.06, 0.0));
   return below * front * above_neck;
 }
 
@@ -190,7 +190,7 @@ bool in_pocket(const Vector3& p) {
 Eigen::RowVector4d weights(const Vector3& p) {
   const double lean = p.y() + 0.45 * (p.z() + 0.04);
   const double on_skull = step(-0.15, -0.06, p.y() < -0.04 ? std::min(lean, p.y() + 0.06) : p.y());
-  const double on_chest = 1 - step(-0.25, -0.17, p.y());
+  const double on_chest = 1 - step(-0.28, -0.15, p.y());
   const double on_jaw = jaw_share(p);
   Eigen::RowVector4d row;
   row << on_chest, (1 - on_chest) * (1 - on_skull), (1 - on_chest) * on_skull, 0;

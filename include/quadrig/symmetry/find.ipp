@@ -1,6 +1,8 @@
 // Definition of find_mirror_plane.
 #pragma once
 
+#include <algorithm>
+#include <functional>
 #include <map>
 
 #include <Eigen/Eigenvalues>
@@ -43,12 +45,21 @@ class MirrorSearch {
     if (choice == SymmetryChoice::none || samples_.size() == 0 || !(diagonal_ > 0)) return std::optional<MirrorPlane>();
     const std::optional<MirrorPlane> of_names = choice == SymmetryChoice::automatic ? plane_of_names() : std::nullopt;
     constexpr double symmetric = 0.98;
-    std::optional<MirrorPlane> best;
+    constexpr std::size_t worth_refining = 3;
+    const auto rank = [](const MirrorPlane& p) { return p.near_share + p.share; };
+    std::vector<MirrorPlane> tried;
     for (MirrorPlane candidate : candidates(choice, of_names)) {
       if (context_.cancelled()) return cancelled_error("symmetry");
       measure(candidate);
+      tried.push_back(candidate);
+      if (candidate.share > symmetric) break;
+    }
+    std::ranges::stable_sort(tried, std::ranges::greater{}, rank);
+    tried.resize(std::min(tried.size(), worth_refining));
+    std::optional<MirrorPlane> best;
+    for (MirrorPlane& candidate : tried) {
+      if (context_.cancelled()) return cancelled_error("symmetry");
       if (candidate.share < symmetric) refine(candidate);
-      const auto rank = [](const MirrorPlane& p) { return p.near_share + p.share; };
       if (!best || rank(candidate) > rank(*best)) best = candidate;
       if (best->share > symmetric) break;
     }
@@ -101,9 +112,10 @@ class MirrorSearch {
     return planes;
   }
 
-  /// The point of the surface nearest to the image of a sample, if one faces as the image does.
-  [[nodiscard]] SurfaceHit image(const MirrorPlane& plane, std::size_t s) const {
+  /// The point of the surface nearest to the image of a sample, if one within reach faces as the image does.
+  [[nodiscard]] SurfaceHit image(const MirrorPlane& plane, std::size_t s, double reach) const {
     ClosestFilter filter;
+    filter.maximum_distance = reach;
     filter.normal = plane.mirrored_direction(samples_.normal[s]);
     filter.minimum_cosine = MirrorPolicy::facing;
     return closest_.closest(plane.mirrored(samples_.position[s]), filter);
@@ -113,7 +125,7 @@ class MirrorSearch {
     std::vector<double> squared(samples_.size(), std::numeric_limits<double>::infinity());
     context_.parallel_for(squared.size(), 256, [&](std::size_t begin, std::size_t end) {
       for (std::size_t s = begin; s < end; ++s)
-        if (const SurfaceHit hit = image(plane, s); hit.found()) squared[s] = hit.squared_distance;
+        if (const SurfaceHit hit = image(plane, s, 0.1 * diagonal_); hit.found()) squared[s] = hit.squared_distance;
     });
     double agree = 0, near = 0, sum = 0, found = 0;
     const double most = MirrorPolicy::near * diagonal_;
@@ -170,7 +182,7 @@ class MirrorSearch {
       context_.parallel_for(pairs.size(), 256, [&](std::size_t begin, std::size_t end) {
         for (std::size_t s = begin; s < end; ++s) {
           pairs[s] = {Vector3::Zero(), Vector3::Zero(), 0};
-          const SurfaceHit hit = image(moving, s);
+          const SurfaceHit hit = image(moving, s, 3 * scale);
           if (!hit.found()) continue;
           const double off = hit.squared_distance / (scale * scale);
           pairs[s] = {samples_.position[s], hit.position, samples_.area[s] / ((1 + off) * (1 + off))};
