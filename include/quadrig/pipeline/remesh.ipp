@@ -10,6 +10,7 @@
 #include "quadrig/pipeline/features.hpp"
 #include "quadrig/pipeline/guides.hpp"
 #include "quadrig/pipeline/halves.hpp"
+#include "quadrig/pipeline/mapped_quads.hpp"
 #include "quadrig/pipeline/shares.hpp"
 #include "quadrig/quads/topology.hpp"
 #include "quadrig/quality/coverage.hpp"
