@@ -32,7 +32,7 @@ class MirrorSearch {
       : asset_(asset),
         context_(context),
         closest_(asset.mesh),
-        samples_(sample_surface(asset.mesh, MirrorPolicy::samples, 4 * MirrorPolicy::samples)),
+        samples_(sample_surface(asset.mesh, MirrorPolicy::samples, MirrorPolicy::samples)),
         diagonal_(asset.mesh.diagonal()) {
     for (std::size_t s = 0; s < samples_.size(); ++s) {
       area_ += samples_.area[s];
@@ -190,7 +190,9 @@ class MirrorSearch {
       });
       const std::optional<MirrorPlane> next = best_plane(pairs);
       if (!next) break;
+      const double turn = (next->normal - moving.normal).norm(), shift = std::abs(next->offset - moving.offset);
       moving = *next;
+      if (round > 0 && turn < 1e-5 && shift < 1e-5 * diagonal_) break;
       scale = std::max(0.75 * scale, 0.5 * MirrorPolicy::near * diagonal_);
     }
     measure(moving);
