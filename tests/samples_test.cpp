@@ -44,7 +44,7 @@ void check_surfaces(Index triangles) {
 
 }  // namespace
 
-TEST_CASE("samples: each is one closed surface of the asked size and well-shaped", "[samples][fast]") {
+TEST_CASE("samples: each is one closed surface of the asked size and well-shaped", "[samples][slow]") {
   for (const Index triangles : {1000, 10000}) check_surfaces(triangles);
 }
 TEST_CASE("samples: a large one is a closed surface of the asked size and well-shaped", "[samples][slow]") {
@@ -114,7 +114,7 @@ TEST_CASE("samples: no limb of the humanoid pulls at another that is only near",
   CHECK(left_leg > 100);
 }
 
-TEST_CASE("samples: the same bits at any number of threads", "[samples][fast]") {
+TEST_CASE("samples: the same bits at any number of threads", "[samples][slow]") {
   for (const SampleInfo& info : sample_infos()) {
     const Asset one = sample(info.name, 12000, 1), many = sample(info.name, 12000, 7);
     CHECK(one.mesh.positions() == many.mesh.positions());
@@ -123,7 +123,7 @@ TEST_CASE("samples: the same bits at any number of threads", "[samples][fast]") 
   }
 }
 
-TEST_CASE("samples: the head is its own image, vertex for vertex", "[samples][fast]") {
+TEST_CASE("samples: the head is its own image, vertex for vertex", "[samples][slow]") {
   const Asset asset = sample("head", 4000);
   std::map<std::array<double, 3>, Index> at;
   for (Index v = 0; v < asset.mesh.vertex_count(); ++v) {
@@ -166,7 +166,7 @@ GltfDocument head_document(Index triangles) {
 }  // namespace
 
 TEST_CASE("samples: the head's file has skins that meet at the neck and targets that do not part what touches",
-          "[samples][gltf][fast]") {
+          "[samples][gltf][slow]") {
   const GltfDocument document = head_document(6000);
   Context context;
   const auto surfaces = gltf_surfaces(document, {}, {}, context);
@@ -198,7 +198,7 @@ TEST_CASE("samples: the head's file has skins that meet at the neck and targets 
   }
 }
 
-TEST_CASE("samples: a blink of the head covers its eye", "[samples][gltf][fast]") {
+TEST_CASE("samples: a blink of the head covers its eye", "[samples][gltf][slow]") {
   const GltfDocument document = head_document(16000);
   Context context;
   // The primitive that is seen first from the front at a place, with a target at full strength.
