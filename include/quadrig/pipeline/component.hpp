@@ -6,6 +6,8 @@
 
 namespace quadrig::detail {
 
+inline constexpr double parts_done = 0.95;  // of the job: what follows is the fit
+
 /// Directions of the caller's own, by face of the asset's mesh.
 struct OwnDirections {
   std::vector<Vector3> direction;  ///< zero: none

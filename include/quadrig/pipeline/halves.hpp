@@ -77,23 +77,13 @@ class PartSurface {
 /// The faces of a piece that are flagged, as a piece of their own. Nothing where they are no manifold.
 [[nodiscard]] inline std::optional<Piece> part_of(const Piece& piece, const std::vector<char>& flagged) {
   const TriangleMesh<double>& mesh = piece.asset.mesh;
-  std::vector<Index> number(at(mesh.vertex_count()), no_index), vertices, faces;
+  std::vector<Index> faces;
   for (Index f = 0; f < mesh.face_count(); ++f)
     if (flagged[at(f)]) faces.push_back(f);
-  Triangles triangles(static_cast<Eigen::Index>(faces.size()), 3);
-  for (std::size_t f = 0; f < faces.size(); ++f)
-    for (int i = 0; i < 3; ++i) {
-      const Index v = mesh.faces()(faces[f], i);
-      if (number[at(v)] == no_index) {
-        number[at(v)] = static_cast<Index>(vertices.size());
-        vertices.push_back(v);
-      }
-      triangles(static_cast<Eigen::Index>(f), i) = number[at(v)];
-    }
-  Points<double> positions(static_cast<Eigen::Index>(vertices.size()), 3);
-  for (std::size_t v = 0; v < vertices.size(); ++v)
-    positions.row(static_cast<Eigen::Index>(v)) = mesh.positions().row(vertices[v]);
-  Expected<TriangleMesh<double>> made = TriangleMesh<double>::create(std::move(positions), std::move(triangles));
+  FacePatch patch = *face_patch(mesh, faces, Context{});
+  const std::vector<Index>& vertices = patch.vertices;
+  Expected<TriangleMesh<double>> made =
+      TriangleMesh<double>::create(std::move(patch.positions), std::move(patch.triangles));
   if (!made) return std::nullopt;
   Piece part;
   part.asset.mesh = std::move(*made);

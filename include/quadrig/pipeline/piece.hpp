@@ -20,27 +20,45 @@ struct Piece {
   EdgeMarks mirror{};
 };
 
+/// Some faces of a mesh with their vertices, numbered anew in the order in which they come.
+struct FacePatch {
+  Triangles triangles;
+  Points<double> positions;
+  std::vector<Index> vertices;  ///< of the mesh, of each vertex
+};
+
+/// Nothing once cancelled. \cost O(faces + vertices of the mesh)
+inline std::optional<FacePatch> face_patch(const TriangleMesh<double>& mesh, std::span<const Index> faces,
+                                           const Context& context) {
+  std::vector<Index> number(at(mesh.vertex_count()), no_index);
+  FacePatch patch;
+  patch.triangles.resize(static_cast<Eigen::Index>(faces.size()), 3);
+  for (std::size_t f = 0; f < faces.size(); ++f) {
+    if (f % 4096 == 0 && context.cancelled()) return std::nullopt;
+    for (int i = 0; i < 3; ++i) {
+      const Index v = mesh.faces()(faces[f], i);
+      if (number[at(v)] == no_index) {
+        number[at(v)] = static_cast<Index>(patch.vertices.size());
+        patch.vertices.push_back(v);
+      }
+      patch.triangles(static_cast<Eigen::Index>(f), i) = number[at(v)];
+    }
+  }
+  patch.positions.resize(static_cast<Eigen::Index>(patch.vertices.size()), 3);
+  for (std::size_t v = 0; v < patch.vertices.size(); ++v)
+    patch.positions.row(static_cast<Eigen::Index>(v)) = mesh.positions().row(patch.vertices[v]);
+  return patch;
+}
+
 /// Incomplete once cancelled.
 inline Piece make_piece(const Asset& asset, std::span<const Index> faces, const Context& context = {}) {
   Piece piece;
-  std::vector<Index> number(at(asset.mesh.vertex_count()), no_index), vertices;
-  Triangles triangles(static_cast<Eigen::Index>(faces.size()), 3);
-  for (std::size_t f = 0; f < faces.size(); ++f) {
-    if (f % 4096 == 0 && context.cancelled()) return piece;
-    for (int i = 0; i < 3; ++i) {
-      const Index v = asset.mesh.faces()(faces[f], i);
-      if (number[at(v)] == no_index) {
-        number[at(v)] = static_cast<Index>(vertices.size());
-        vertices.push_back(v);
-      }
-      triangles(static_cast<Eigen::Index>(f), i) = number[at(v)];
-    }
-  }
-  Points<double> positions(static_cast<Eigen::Index>(vertices.size()), 3);
-  for (std::size_t v = 0; v < vertices.size(); ++v)
-    positions.row(static_cast<Eigen::Index>(v)) = asset.mesh.positions().row(vertices[v]);
+  std::optional<FacePatch> patch = face_patch(asset.mesh, faces, context);
+  if (!patch) return piece;
+  const std::vector<Index>& vertices = patch->vertices;
   if (context.cancelled()) return piece;
-  Expected<TriangleMesh<double>> mesh = TriangleMesh<double>::create(std::move(positions), std::move(triangles));
+  Expected<TriangleMesh<double>> mesh =
+      TriangleMesh<double>::create(std::move(patch->positions), std::move(patch->triangles));
   assert(mesh);
   piece.asset.mesh = std::move(*mesh);
   if (context.cancelled()) return piece;

@@ -142,14 +142,14 @@ QUADRIG_INLINE Expected<SeamlessMap> seamless_map(const TriangleMesh<double>& me
   if (stopped()) return cancelled_error("seamless map");
   std::vector<Aligned> aligned = aligned_edges(mesh, connection, cut, matching, frames, options.kept);
   if (stopped()) return cancelled_error("seamless map");
-  TargetEdges target = target_edges(mesh, connection, cut, frames.u, frames.v);
+  const TargetEdges wanted = target_edges(mesh, connection, cut, frames.u, frames.v);
   if (stopped()) return cancelled_error("seamless map");
 
   std::vector<LoopDemand> demands;
   std::vector<char> closed;
   for (const FaceLoop& loop : options.loops) {
     std::optional<LoopDemand> demand;
-    if (quarter_turns(mesh, matching, loop) == 0) demand = loop_demand(mesh, cut, target, loop);
+    if (quarter_turns(mesh, matching, loop) == 0) demand = loop_demand(mesh, cut, wanted, loop);
     closed.push_back(demand.has_value());
     if (demand) demands.push_back(std::move(*demand));
   }
@@ -158,8 +158,7 @@ QUADRIG_INLINE Expected<SeamlessMap> seamless_map(const TriangleMesh<double>& me
     Expected<MapUnknowns<K>> unknowns = MapUnknowns<K>::create(mesh, cut, singularities.index4, aligned, &context);
     if (!unknowns) return unknowns.error();
     if (stopped()) return cancelled_error("seamless map");
-    SeamlessMap map{
-        std::move(cut), singularities.index4, std::move(aligned), std::move(target), {}, std::move(*unknowns), {}};
+    SeamlessMap map{std::move(cut), singularities.index4, std::move(aligned), wanted, {}, std::move(*unknowns), {}};
     map.report.closed = std::move(closed);
     const auto solve = [&]<class Unknown>(const MapUnknowns<Unknown>& among) {
       return detail::SeamlessSolver<Unknown>(mesh, among, options, map, context, budget).run();
@@ -186,8 +185,7 @@ QUADRIG_INLINE Expected<SeamlessMap> seamless_map(const TriangleMesh<double>& me
                                                        : "vertex " + std::to_string(defects.wrong_vertices.front())),
                  "ask for more quads or a smoother field"};
   }
-  map->report.strain =
-      map_strain(mesh, map->cut.rotation, target_edges(mesh, connection, map->cut, frames.u, frames.v), map->z);
+  map->report.strain = map_strain(mesh, map->cut.rotation, wanted, map->z);
   if (options.quads > 0) {
     const double scale = std::sqrt(options.quads / map_area(map->z));
     for (Complex& p : map->z) p *= scale;
