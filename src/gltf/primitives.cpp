@@ -209,6 +209,8 @@ Json PrimitiveBuilder::write(State& state, const Json& old, const Gathered& gath
   replace(result["attributes"], std::move(attributes));
   result["indices"] = append_accessor(state, made);
   if (member(result, "mode")) result["mode"] = 4;
+  Json& extras = result["extras"];
+  if (extras.is_null() || extras.is_object()) extras[quads_mark] = quads_;
   if (const Json* extensions = member(result, "extensions"); extensions && member(*extensions, draco_name)) {
     dismantle(result["extensions"][draco_name]);
     result["extensions"].erase(draco_name);
