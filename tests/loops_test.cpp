@@ -3,6 +3,7 @@
 #include "quadrig/field/loops.hpp"
 #include "quadrig/field/surgery.hpp"
 #include "quadrig/pipeline.hpp"
+#include "quadrig/pipeline/hinge_bands.hpp"
 #include "quadrig/quantize.hpp"
 #include "quadrig/quantize/quantizer.hpp"
 #include "quadrig/samples.hpp"
@@ -156,6 +157,40 @@ TEST_CASE("loops: a limb has closed rings at its joint at every count", "[loops]
     CHECK(result.report.hinges[0].rings.loops >= 3);
     CHECK(result.report.hinges[0].rings.around >= 6);
   }
+}
+
+TEST_CASE("loops: round the middle of a hinge directions are asked for, where a curve runs round its bones",
+          "[loops][fast]") {
+  const Asset asset = limbs("humanoid", 6000);
+  const std::vector<Hinge> hinges = find_hinges(asset.mesh, *asset.rig);
+  const auto pulls = [&](double edge, LoopOptions loops = {}) {
+    std::vector<FaceDirection> all;
+    detail::pull_along_hinges(
+        asset.mesh, *asset.rig, loops, [&](const FaceLoop&) { return edge; }, all);
+    return all;
+  };
+  CHECK(pulls(1e3).empty());  // no quad goes round
+  CHECK(pulls(1e-3, {0, {}}).empty());
+  const std::vector<FaceDirection> all = pulls(1e-3);
+  REQUIRE(!all.empty());
+  // Shins hang on thighs: bones 11 and 12 of the left leg, 19 and 20 of the right; their directions are nearly level.
+  std::size_t at_knees = 0;
+  for (const Hinge& hinge : hinges) {
+    if (hinge.bone != 11 && hinge.bone != 19) continue;
+    const Bone& bone = asset.rig->skeleton.bones[at(hinge.bone)];
+    for (const FaceDirection& one : all) {
+      CHECK(std::abs(one.direction.norm() - 1) < 1e-9);
+      CHECK(std::abs(one.direction.dot(asset.mesh.normal(one.face))) < 1e-9);
+      if ((position(asset.mesh, {one.face, Vector3::Constant(1.0 / 3)}) - bone.head).norm() > 0.75 * hinge.bend)
+        continue;
+      ++at_knees;
+      CHECK(std::abs(one.direction.dot(bone.direction())) < 0.5);
+    }
+  }
+  CHECK(at_knees > 20);
+  // The curve of a clavicle runs along the spine and along the clavicle: there is no way round it without poles.
+  CHECK(pulls(1e-3, {0, {{asset.rig->skeleton.bones[5].name, 3}}}).empty());
+  CHECK(!pulls(1e-3, {0, {{asset.rig->skeleton.bones[11].name, 3}}}).empty());
 }
 
 TEST_CASE("loops: what is wanted goes by the name of the joint", "[loops][fast]") {

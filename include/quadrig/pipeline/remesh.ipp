@@ -8,6 +8,7 @@
 #include "quadrig/pipeline/features.hpp"
 #include "quadrig/pipeline/guides.hpp"
 #include "quadrig/pipeline/halves.hpp"
+#include "quadrig/pipeline/hinge_bands.hpp"
 #include "quadrig/pipeline/mapped_quads.hpp"
 #include "quadrig/pipeline/shares.hpp"
 #include "quadrig/quads/topology.hpp"
@@ -174,10 +175,23 @@ class Remesher {
 
   [[nodiscard]] bool sized() const { return sizing_.density != DensitySource::field || !sizing_.own_density.empty(); }
 
+  /// Edge of the quads along a loop.
+  [[nodiscard]] double edge_along(const FaceLoop& loop) const {
+    const double mean = std::sqrt(mesh_.total_area() / options_.quads);
+    if (!sized()) return mean;
+    double density = 0;
+    for (const Index h : loop.crossed) density += sizes_.density[at(TriangleMesh<double>::face_of(h))];
+    return mean / std::sqrt(density / static_cast<double>(loop.crossed.size()));
+  }
+
+  /// What pulls at directions beside bones and curvature: hinges, then guides, then the caller; later ones count.
   [[nodiscard]] OwnDirections own_directions() const {
     OwnDirections own;
     std::vector<FaceDirection> all;
     const auto& plane = quads_.report.symmetry.plane;
+    if (asset_.rig && options_.preset == FieldPreset::standard)
+      pull_along_hinges(
+          mesh_, *asset_.rig, options_.loops, [&](const FaceLoop& loop) { return edge_along(loop); }, all);
     pull_along_guides(mesh_, options_.guides, plane ? &*plane : nullptr, all);
     all.insert(all.end(), options_.directions.own.begin(), options_.directions.own.end());
     if (all.empty()) return own;
