@@ -1,3 +1,4 @@
+#include <map>
 #include <numeric>
 
 #include "quadrig/field/loops.hpp"
@@ -191,6 +192,26 @@ TEST_CASE("loops: round the middle of a hinge directions are asked for, where a 
   // The curve of a clavicle runs along the spine and along the clavicle: there is no way round it without poles.
   CHECK(pulls(1e-3, {0, {{asset.rig->skeleton.bones[5].name, 3}}}).empty());
   CHECK(!pulls(1e-3, {0, {{asset.rig->skeleton.bones[11].name, 3}}}).empty());
+}
+
+TEST_CASE("loops: a joint that is named gets rows for its loops, and its twin on the other side too",
+          "[loops][pipeline]") {
+  const Asset asset = limbs("humanoid", 10000);
+  const auto loops_at = [&](std::vector<LoopOptions::OfJoint> of_joints) {
+    RemeshOptions options;
+    options.quads = 1500;
+    options.loops.of_joints = std::move(of_joints);
+    Context context;
+    const Expected<RemeshResult> result = remesh(asset, options, context);
+    REQUIRE(result);
+    std::map<std::string, Index> loops;
+    for (const HingeReport& hinge : result->report.hinges) loops[hinge.joint] = hinge.rings.loops;
+    return loops;
+  };
+  const std::string left = asset.rig->skeleton.bones[7].name, right = asset.rig->skeleton.bones[15].name;
+  std::map<std::string, Index> before = loops_at({}), after = loops_at({{left, 7}});
+  CHECK(after[left] >= before[left] + 2);
+  CHECK(after[right] >= before[right] + 2);
 }
 
 TEST_CASE("loops: what is wanted goes by the name of the joint", "[loops][fast]") {

@@ -1,4 +1,5 @@
-// The middle of every hinge pulls at directions: lines run round the limb there, and poles lie elsewhere.
+// What hinges ask of directions and sizes. The middle of each pulls at directions: lines run round the limb there, and
+// poles lie elsewhere. One whose loops are asked for by name gets the rows that they need.
 #pragma once
 
 #include "quadrig/constraints/hinges.hpp"
@@ -58,6 +59,37 @@ inline void pull_along_hinges(const TriangleMesh<double>& mesh, const Rig& rig, 
       }
     for (const BesideLoop& one : beside) near[at(one.vertex)] = 0;
   }
+}
+
+/// Loops that are asked for by the joint's name, of each bone; 0 where they are not. On both sides of a mirror plane
+/// the more, since one half stands for both.
+[[nodiscard]] inline std::vector<Index> named_loops(const Skeleton& skeleton, const LoopOptions& loops,
+                                                    const MirrorPlane* plane) {
+  LoopOptions named = loops;
+  named.least = 0;
+  std::vector<Index> wanted;
+  for (const Bone& bone : skeleton.bones) wanted.push_back(named.of(bone.name));
+  for (std::size_t b = 0; plane && b < std::min(wanted.size(), plane->twin.size()); ++b)
+    if (const Index twin = plane->twin[b]; twin != no_index)
+      wanted[b] = wanted[at(twin)] = std::max(wanted[b], wanted[at(twin)]);
+  return wanted;
+}
+
+/// Makes the quads within a bend so small that `loops` of them have room between its ends: n loops are the lines
+/// between n + 1 rows, and the ends of the bend are where rows begin by chance alone.
+/// \param edge of a quad there today \param density of each face, in units of which quads are small
+inline void densify_bend(const TriangleMesh<double>& mesh, const Hinge& hinge, Index loops, double edge,
+                         std::vector<double>& density) {
+  constexpr double most = 16;
+  constexpr double aspect = 1.5;  // about: quads are longer along a limb than round it
+  const double rows = 2 * hinge.bend / (aspect * edge), needed = loops + 2.0;
+  if (loops == 0 || rows >= needed) return;
+  const double factor = std::min(most, needed * needed / (rows * rows));
+  std::vector<char> within(at(mesh.vertex_count()), 0);
+  for (const BesideLoop& one : vertices_beside(mesh, hinge.loop, hinge.bend)) within[at(one.vertex)] = 1;
+  for (Index f = 0; f < mesh.face_count(); ++f)
+    if (within[at(mesh.faces()(f, 0))] && within[at(mesh.faces()(f, 1))] && within[at(mesh.faces()(f, 2))])
+      density[at(f)] *= factor;
 }
 
 }  // namespace quadrig::detail

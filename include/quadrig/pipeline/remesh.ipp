@@ -248,6 +248,14 @@ class Remesher {
     }
     for (std::size_t f = 0; f < factors.size(); ++f) sizes_.density[f] *= factors[f];
   }
+  /// Where the caller asks for loops at a joint by its name, its bend gets the rows that they need.
+  void make_room_for_loops() {
+    if (!asset_.rig || options_.preset != FieldPreset::standard || options_.loops.of_joints.empty()) return;
+    const std::vector<Index> wanted = named_loops(
+        asset_.rig->skeleton, options_.loops, quads_.report.symmetry.plane ? &*quads_.report.symmetry.plane : nullptr);
+    for (const Hinge& hinge : find_hinges(mesh_, *asset_.rig))
+      densify_bend(mesh_, hinge, wanted[at(hinge.bone)], edge_along(hinge.loop), sizes_.density);
+  }
   /// Of values a vertex the mean of the corners; 1 where there are none.
   [[nodiscard]] std::vector<double> on_faces(const std::vector<double>& of_vertex) const {
     std::vector<double> result(at(mesh_.face_count()), of_vertex.empty() ? 1.0 : 0.0);
@@ -278,6 +286,7 @@ class Remesher {
     sizes_.largest_aspect = sizing_.largest_aspect;
     sizes_.density = wanted_density(omega1);
     multiply_density();
+    if (sized()) make_room_for_loops();
     if (context_.cancelled()) return cancelled_error("remesh");
     if (sized() && (sizing_.density != DensitySource::uniform || !sizing_.own_density.empty() || by_hand()))
       sizes_.density = graded_density(mesh_, sizes_.density, options_.quads, sizing_.gradation, context_);
