@@ -89,20 +89,21 @@ void add_bind(CLI::App& app, Run& run) {
                  {BindMethod::nearest_bone, BindMethod::geodesic_voxel, BindMethod::bounded_biharmonic})
               if (name == bind_method_name(method)) options->bind.method = method;
           },
-          "voxel: falls off with the distance within the body; biharmonic: the smoothest on the surface; nearest: the "
+          "voxel: falls off with the distance within the body; biharmonic: the smoothest through it; nearest: the "
           "nearest bone alone")
       ->check(CLI::IsMember({"voxel", "biharmonic", "nearest"}))
       ->option_text("voxel|biharmonic|nearest = voxel");
   verb->add_option("--influences", options->bind.influences, "Most bones that move a vertex")
       ->capture_default_str()
       ->type_name("N");
-  verb->add_option("--resolution", options->bind.resolution, "Cells along the longest side of the body, for voxel")
+  verb->add_option("--resolution", options->bind.resolution,
+                   "Cells along the longest side of the body; biharmonic takes at most half as many")
       ->capture_default_str()
       ->type_name("N");
   verb->add_option("--stiffness", options->bind.stiffness, "0: broad, soft blends; 1: each bone keeps to itself")
       ->capture_default_str()
       ->type_name("X");
-  verb->add_option("--smoothing", options->bind.smoothing, "Voxel weights are smoothed over so many cells")
+  verb->add_option("--smoothing", options->bind.smoothing, "Weights are smoothed along the surface over so many cells")
       ->capture_default_str()
       ->type_name("CELLS");
   verb->add_option("--solver", options->bind.solver, "Linear solver, for biharmonic")

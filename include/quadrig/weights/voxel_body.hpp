@@ -77,6 +77,28 @@ class VoxelBody {
         }
   }
 
+  /// Calls visit(cell, share) for the eight cells whose centres surround p; the shares are trilinear and sum to 1.
+  template <class Visit>
+  void for_each_around(const Vector3& p, Visit&& visit) const {
+    std::array<Index, 3> low{};
+    Vector3 t;
+    for (int k = 0; k < 3; ++k) {
+      const double x = std::clamp((p[k] - low_[k]) / side_ - 0.5, 0.0, size_[at(k)] - 1.001);
+      low[at(k)] = static_cast<Index>(x);
+      t[k] = x - low[at(k)];
+    }
+    for (Index corner = 0; corner < 8; ++corner) {
+      std::array<Index, 3> c = low;
+      double share = 1;
+      for (int k = 0; k < 3; ++k) {
+        const Index up = corner >> k & 1;
+        c[at(k)] += up;
+        share *= up ? t[k] : 1 - t[k];
+      }
+      visit(number(c), share);
+    }
+  }
+
  private:
   static constexpr char unknown = 1, surface = 2, air = 0;
 
