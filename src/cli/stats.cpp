@@ -13,7 +13,7 @@ struct StatsCommand {
   Input input;
   std::filesystem::path report;
   std::string poses = "bends", skinning = "linear";
-  Index frames = 64;
+  std::optional<Index> frames;  ///< poses at most
   Index samples = 40000;
   int subdivide = 0;
   bool own_weights = false;
@@ -287,8 +287,16 @@ Expected<std::vector<Pose>> poses_of(const Rig& rig, const StatsCommand& options
                  std::to_string(rig.skeleton.bone_count()) + " bones are more than the " + std::to_string(most_bones) +
                      " that are bent one by one",
                  options.input.files.mesh.string(), "measure by clips (--poses clips), or without a rig"};
-  if (options.poses == "bends") return bend_poses(rig.skeleton, 60);
-  std::vector<Pose> poses = clip_poses(rig.clips, options.frames);
+  if (options.poses == "bends") {
+    constexpr Index most_bends = 128;
+    std::vector<Pose> all = bend_poses(rig.skeleton, 60), poses;
+    const auto most = static_cast<std::size_t>(options.frames.value_or(most_bends));
+    if (all.size() <= most) return all;
+    for (std::size_t k = 0; k < most; ++k) poses.push_back(std::move(all[k * all.size() / most]));
+    return poses;
+  }
+  constexpr Index most_frames = 64;
+  std::vector<Pose> poses = clip_poses(rig.clips, options.frames.value_or(most_frames));
   if (poses.empty())
     return Error{ErrorCode::bad_option, "has no clips", options.input.files.mesh.string(), "leave out --poses clips"};
   return poses;
@@ -369,9 +377,9 @@ void add_stats(CLI::App& app, Run& run) {
   verb->add_option("--poses", options->poses, "Bend every bone, or of a glTF input sample its own clips")
       ->check(CLI::IsMember({"bends", "clips"}))
       ->option_text("bends|clips = bends");
-  verb->add_option("--frames", options->frames, "Poses of all clips together, at most")
+  verb->add_option("--frames", options->frames,
+                   "Poses at most, evenly among all; 128 bends, or 64 of all clips together")
       ->check(CLI::Range(1, 100'000))
-      ->capture_default_str()
       ->type_name("N");
   verb->add_option("--skinning", options->skinning, "Linear blend, or dual quaternions")
       ->check(CLI::IsMember({"linear", "dual"}))
