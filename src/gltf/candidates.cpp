@@ -269,7 +269,7 @@ Status make_shell(const Gathered& gathered, const Shells& shells, Shell& shell, 
   shell.make = GltfMake::kept;
   const bool field = wants_field(shell, options);
   if (competition || !field) shell.polygons = competition ? paired(mesh.positions(), triangles, order) : triangles;
-  if (!field && (!competition || shell.due > shell.own() - 0.5)) return {};
+  if (!field && (!competition || due_its_own(shell))) return {};
 
   const ShellPoses poses(gathered, shells, shell);
   Measure measure(as_triangles(triangles), poses.points());

@@ -217,6 +217,17 @@ inline Status smooth_weights(const TriangleMesh<double>& mesh, double length, co
   return {};
 }
 
+/// The body at a resolution, or at a lower one where it would have more cells than these.
+inline VoxelBody body_of(const TriangleMesh<double>& mesh, const Skeleton& skeleton, Index resolution, double most) {
+  constexpr Index least = 8;
+  for (;;) {
+    VoxelBody body(mesh, skeleton, resolution);
+    const double finer = std::cbrt(most / static_cast<double>(std::max<std::size_t>(body.body_count(), 1)));
+    if (resolution == least || finer > 0.95) return body;
+    resolution = std::max(least, static_cast<Index>(std::min(0.98 * finer, 0.9) * resolution));
+  }
+}
+
 /// The cells of a body, numbered, with their up to six neighbours.
 struct BodyGraph {
   std::vector<std::size_t> cells;
@@ -393,35 +404,34 @@ inline Status biharmonic_weights(const BodyGraph& graph, std::span<const CellHol
 inline Expected<Eigen::MatrixXd> biharmonic_body(const TriangleMesh<double>& mesh, const Skeleton& skeleton,
                                                  const BindOptions& options, Index& bones_outside, Context& context) {
   // Cells that a factorization of a fourth-order operator takes at ease; weights are smoother than cells are small.
-  constexpr double most_cells = 6000, at_resolution = 128;
+  // The square of the bones bounds the work of hundreds of them, each with a factorization for every round.
+  constexpr double most_cells = 6000, at_resolution = 128, most_work = 1.5e8;
   constexpr Index least_resolution = 48;  // fewer, and limbs are of one cell
-  const double scale = std::max(1.0, options.resolution / at_resolution), most = most_cells * scale * scale * scale;
-  Index resolution = std::max(least_resolution, options.resolution / 2);
-  std::optional<VoxelBody> body;
-  std::optional<BodyGraph> graph;
-  for (int tries = 0; tries < 4; ++tries) {
-    body.emplace(mesh, skeleton, resolution);
-    graph.emplace(*body);
-    const double finer = std::cbrt(most / graph->size());
-    if (resolution == 8 || finer > 0.95) break;
-    resolution = std::max<Index>(8, static_cast<Index>(0.98 * finer * resolution));
-  }
-  const std::vector<CellHolder> holder = cell_holders(*graph, *body, skeleton);
+  const double scale = std::max(1.0, options.resolution / at_resolution), bones = skeleton.bone_count();
+  const VoxelBody body = body_of(mesh, skeleton, std::max(least_resolution, options.resolution / 2),
+                                 std::min(most_cells * scale * scale * scale, most_work / (bones * bones)));
+  const BodyGraph graph(body);
+  const std::vector<CellHolder> holder = cell_holders(graph, body, skeleton);
   Eigen::MatrixXd dense = Eigen::MatrixXd::Zero(mesh.vertex_count(), skeleton.bone_count());
   std::vector<Status> status(at(skeleton.bone_count()));
+  std::vector<char> holds(status.size(), 0);
+  for (const CellHolder& own : holder)
+    for (const Index b : {own.bone, own.other})
+      if (b != no_index) holds[at(b)] = 1;
   Status spread =
-      spread_distances(skeleton, *body, bones_outside, context, [&](std::size_t b, std::span<const float> distance) {
+      spread_distances(skeleton, body, bones_outside, context, [&](std::size_t b, std::span<const float> distance) {
+        if (!holds[b]) return;
         Context quiet = context.quiet(1);
-        Eigen::VectorXd cells = Eigen::VectorXd::Zero(graph->size());
-        std::vector<char> reached(graph->cells.size());
-        for (std::size_t v = 0; v < reached.size(); ++v) reached[v] = std::isfinite(distance[graph->cells[v]]);
-        status[b] = biharmonic_weights(*graph, holder, reached, static_cast<Index>(b), options, cells, quiet);
+        Eigen::VectorXd cells = Eigen::VectorXd::Zero(graph.size());
+        std::vector<char> reached(graph.cells.size());
+        for (std::size_t v = 0; v < reached.size(); ++v) reached[v] = std::isfinite(distance[graph.cells[v]]);
+        status[b] = biharmonic_weights(graph, holder, reached, static_cast<Index>(b), options, cells, quiet);
         if (!status[b]) return;
         for (Index v = 0; v < mesh.vertex_count(); ++v) {
           double sum = 0, shares = 0;
-          body->for_each_around(mesh.position(v), [&](std::size_t cell, double share) {
-            if (graph->number[cell] == no_index) return;
-            sum += share * cells[graph->number[cell]];
+          body.for_each_around(mesh.position(v), [&](std::size_t cell, double share) {
+            if (graph.number[cell] == no_index) return;
+            sum += share * cells[graph.number[cell]];
             shares += share;
           });
           if (shares > 0) dense(v, static_cast<Index>(b)) = sum / shares;
@@ -431,7 +441,7 @@ inline Expected<Eigen::MatrixXd> biharmonic_body(const TriangleMesh<double>& mes
   for (const Status& each : status)
     if (!each) return each.error();
   if (options.smoothing > 0)  // or the steps of the cells show
-    if (Status smooth = smooth_weights(mesh, options.smoothing * body->side(), options.solver, dense, context); !smooth)
+    if (Status smooth = smooth_weights(mesh, options.smoothing * body.side(), options.solver, dense, context); !smooth)
       return smooth.error();
   for (Index v = 0; v < mesh.vertex_count(); ++v)
     if (const double sum = dense.row(v).sum(); sum > 0) dense.row(v) /= sum;
@@ -489,7 +499,9 @@ QUADRIG_INLINE Expected<BoundWeights> bind_weights(const TriangleMesh<double>& m
       if (!made) return made.error();
       dense = std::move(*made);
     } else {
-      const detail::VoxelBody body(mesh, skeleton, options.resolution);
+      constexpr double most_work = 2e7;  // bones times cells
+      const detail::VoxelBody body =
+          detail::body_of(mesh, skeleton, options.resolution, most_work / skeleton.bone_count());
       const Expected<Eigen::MatrixXd> distances =
           detail::body_distances(mesh, skeleton, body, result.bones_outside, context);
       if (!distances) return distances.error();

@@ -35,6 +35,9 @@ class VoxelBody {
   [[nodiscard]] std::size_t cell_count() const {
     return static_cast<std::size_t>(size_[0]) * static_cast<std::size_t>(size_[1]) * static_cast<std::size_t>(size_[2]);
   }
+  [[nodiscard]] std::size_t body_count() const {
+    return body_.size() - static_cast<std::size_t>(std::count(body_.begin(), body_.end(), air));
+  }
   [[nodiscard]] bool is_body(std::size_t cell) const { return body_[cell] != air; }
   [[nodiscard]] std::size_t cell_of(const Vector3& p) const {
     std::array<Index, 3> c{};
