@@ -130,3 +130,31 @@ TEST_CASE("command: a report that was asked for tells of a failure, and replaces
   CHECK(run_quadrig(folder, remesh + "q.obj").exit_code == 2);
   CHECK(names_in(folder.path()) == std::vector<std::string>{"bad.obj", "notes.txt", "r.json"});
 }
+
+TEST_CASE("command: what quads are for sets options where they are not given", "[cli][fast]") {
+  const ScratchFolder folder("verbs");
+  write_text(folder / "board.obj",
+             "v 0 0 0\nv 2 0 0\nv 2 1.5 0\nv 0 1.5 0\nv 0 0 1\nv 2 0 1\nv 2 1.5 1\nv 0 1.5 1\n"
+             "f 1 4 3 2\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n");
+  const auto options_of = [&](const std::string& arguments) {
+    const CommandResult done = run_quadrig(folder, "remesh board.obj --quads 60 -o q.obj --report r.json " + arguments);
+    INFO(done.error);
+    REQUIRE(done.exit_code == 0);
+    const std::string report = read_text(folder / "r.json");
+    return report.substr(report.find("\"options\""), report.find("\"quads\": 5") - report.find("\"options\""));
+  };
+  CHECK(has(options_of(""), "\"influences\": 4"));
+  const std::string version = run_quadrig(folder, "--version").output;
+  if (version.find("OpenSubdiv") > version.find("without")) return;  // no fit for subdivision
+  const std::string film = options_of("--for film");
+  CHECK(has(film, "\"fit\": \"subdivision\""));
+  CHECK(has(film, "\"influences\": 8"));
+  CHECK(has(film, "\"symmetry\": \"auto\""));
+  const std::string own = options_of("--for film --influences 5 --fit none");
+  CHECK(has(own, "\"influences\": 5"));
+  CHECK(has(own, "\"fit\": \"none\""));
+  CHECK(has(own, "\"for\": \"film\""));
+  CHECK(has(options_of("--for scan"), "\"density\": \"rest\""));
+  CHECK(has(options_of("--for lod"), "\"loops\": 0"));
+  CHECK(run_quadrig(folder, "remesh board.obj --quads 60 -o q.obj --for cinema").exit_code == 2);
+}
