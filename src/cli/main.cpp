@@ -10,6 +10,7 @@
 #include <new>
 
 #include "command.hpp"
+#include "profile.hpp"
 #include "version.hpp"
 
 namespace {
@@ -117,6 +118,26 @@ std::string meant(CLI::App& app, int argc, char** argv) {
   return {};
 }
 
+/// What became of the verb, and of its profile where one was asked for: that is written whatever became of the verb.
+std::pair<quadrig::Status, quadrig::Status> run_verb(const quadrig::cli::Run& verb, quadrig::cli::Session& session,
+                                                     const std::filesystem::path& profile_path) {
+  using namespace quadrig;
+  if (profile_path.empty()) return {verb(session), {}};
+  FileSet files;
+  if (Status status = files.writes(profile_path); !status) return {status, {}};
+  cli::Profile profile;
+  profile.watch(session.context);
+  Status status;
+  {
+    const SpanTimer all(session.context, "command");
+    status = verb(session);
+  }
+  session.context.on_span = {};
+  session.say(profile.table());
+  if (Status added = files.add(profile_path, profile.trace()); !added) return {status, added};
+  return {status, files.commit()};
+}
+
 int run(int argc, char** argv) {
   using namespace quadrig;
   CLI::App app("Rigged triangle meshes to animation-ready quads.", "quadrig");
@@ -139,6 +160,10 @@ int run(int argc, char** argv) {
   app.add_option("--time-limit", time_limit_seconds, "Longest run; more is exit code 12")
       ->check(CLI::Range(0.001, 1e9))
       ->type_name("SECONDS");
+  std::filesystem::path profile_path;
+  app.add_option("--profile", profile_path,
+                 "Where the time went, as trace events that Perfetto shows; a table of it goes to standard output")
+      ->type_name("FILE");
   cli::Run verb;
   cli::add_remesh(app, verb);
   cli::add_field(app, verb);
@@ -162,11 +187,12 @@ int run(int argc, char** argv) {
   if (session.memory_megabytes > 0) cli::limit_memory(1e6 * session.memory_megabytes);
   if (time_limit_seconds > 0) limit_time(time_limit_seconds);
   session.begin(interrupted);
-  const Status status = verb(session);
+  const auto [status, profiled] = run_verb(verb, session, profile_path);
   session.clear_progress();
   if (!session.quiet)
     for (const Warning& warning : session.context.warnings)
       std::fprintf(stderr, "quadrig: warning: %s: %s\n", warning.stage.c_str(), warning.text.c_str());
+  if (!profiled) std::fprintf(stderr, "quadrig: warning: profile: %s\n", profiled.error().message().c_str());
   if (status) {
     // All is done: what cannot be said of it is told, and no failure.
     if (const Status printed = session.printed(); !printed)
