@@ -1,5 +1,7 @@
 #include "quadrig/core.hpp"
 
+#include <mutex>
+
 #include "quadrig/context.hpp"
 #include "quadrig/mesh.hpp"
 #include "test.hpp"
@@ -93,6 +95,38 @@ TEST_CASE("context: what a body throws reaches the caller when all have ended", 
   CHECK_THROWS_AS(detail::side_by_side(thrown, [&] { ++done; }), std::bad_alloc);
   CHECK_THROWS_AS(detail::side_by_side([&] { ++done; }, thrown), std::bad_alloc);
   CHECK(done == 2);
+}
+
+TEST_CASE("context: spans nest, those of workers name who waits for them", "[context][fast]") {
+  Context context;
+  context.threads = 2;
+  std::mutex mutex;
+  std::vector<Span> spans;
+  context.on_span = [&](const Span& span) {
+    const std::scoped_lock lock(mutex);
+    spans.push_back(span);
+  };
+  {
+    const SpanTimer outer(context, "outer", "one");
+    const Context quiet = context.quiet(2);
+    SpanTimer inner(quiet, "inner");
+    inner.end();
+    inner.end();
+    context.parallel_for(2, 1, [](std::size_t, std::size_t) {});
+  }
+  REQUIRE(spans.size() == 3);
+  CHECK(spans[0].name == "inner");
+  CHECK(spans[1].name == "worker");
+  CHECK(spans[2].name == "outer");
+  CHECK(spans[2].detail == "one");
+  CHECK(spans[1].thread != spans[1].waiting);
+  CHECK(spans[1].waiting == spans[2].thread);
+  for (const Span& span : spans) {
+    CHECK(span.begin_seconds >= spans[2].begin_seconds);
+    CHECK(span.end_seconds <= spans[2].end_seconds);
+    CHECK(span.end_seconds >= span.begin_seconds);
+    CHECK(span.cpu_seconds >= 0);
+  }
 }
 
 TEST_CASE("context: parallel_for covers every index once at any number of threads", "[context][fast]") {

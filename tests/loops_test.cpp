@@ -147,6 +147,32 @@ TEST_CASE("loops: the translation across a loop that a map is to close is 0", "[
   }
 }
 
+TEST_CASE("loops: those where a map flips are let go, and no others", "[loops][fast]") {
+  const Asset asset = limbs("humanoid", 3000);
+  const std::vector<FaceLoop> loops = loops_of(find_hinges(asset.mesh, *asset.rig));
+  REQUIRE(loops.size() > 3);
+  detail::DemandedLoops demanded;
+  for (std::size_t k = 1; k < loops.size(); ++k) demanded.add(static_cast<Index>(k), {{}, static_cast<int>(k % 2)});
+  std::vector<char> closed(loops.size(), 1);
+  std::vector<Index> trouble;
+  CHECK_FALSE(demanded.in_trouble(asset.mesh, loops, trouble));
+  CHECK_FALSE(demanded.release(asset.mesh, loops, trouble, closed));
+  trouble = {loops[2].crossed[0] / 3};
+  CHECK(demanded.in_trouble(asset.mesh, loops, trouble));
+  const std::size_t before = demanded.number.size();
+  CHECK(demanded.release(asset.mesh, loops, trouble, closed));
+  CHECK(demanded.number.size() < before);
+  CHECK(closed[2] == 0);
+  const std::vector<char> corners = corners_of(asset.mesh, trouble);
+  for (std::size_t k = 0; k < demanded.number.size(); ++k) {
+    const Index loop = demanded.number[k];
+    CHECK(demanded.demands[k].component == loop % 2);
+    CHECK_FALSE(passes(asset.mesh, loops[at(loop)], corners));
+    CHECK(closed[at(loop)] == 1);
+  }
+  CHECK_FALSE(demanded.in_trouble(asset.mesh, loops, trouble));
+}
+
 TEST_CASE("loops: a limb has closed rings at its joint at every count", "[loops][pipeline]") {
   const Asset asset = limbs("pear", 4000);
   for (const Index quads : {400, 700, 1100, 1700}) {

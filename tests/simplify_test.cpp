@@ -2,6 +2,7 @@
 
 #include <map>
 #include <queue>
+#include <set>
 
 #include "quadrig/simplify/decimate.hpp"
 #include "surfaces.hpp"
@@ -364,7 +365,7 @@ TEST_CASE("simplify: the queue of costs gives the least first, in the order of o
     int number;
     bool operator<(const Item& other) const { return std::tie(cost, number) > std::tie(other.cost, other.number); }
   };
-  quadrig::detail::CostQueue<Item> queue;
+  quadrig::detail::CostQueue<Item> queue(true);
   std::priority_queue<Item> heap;
   std::uint32_t state = 7;
   const auto random = [&] { return (state = state * 1664525u + 1013904223u) >> 8; };
@@ -386,4 +387,53 @@ TEST_CASE("simplify: the queue of costs gives the least first, in the order of o
     REQUIRE(queue.pop().number == heap.top().number);
   }
   CHECK(queue.empty());
+}
+
+TEST_CASE("simplify: the queue of costs that is not exact is off by less than an eighth", "[simplify][fast]") {
+  struct Item {
+    double cost;
+    int number;
+    bool operator<(const Item& other) const { return cost > other.cost; }
+  };
+  quadrig::detail::CostQueue<Item> queue(false);
+  std::multiset<double> costs;
+  std::set<int> numbers;
+  std::uint32_t state = 5;
+  const auto random = [&] { return (state = state * 1664525u + 1013904223u) >> 8; };
+  for (int k = 0; k < 20'000; ++k) {
+    if (random() % 3 != 0 || costs.empty()) {
+      const double cost = random() % 50 == 0 ? 0.0 : std::ldexp(1 + random() % 1000, int(random() % 20) - 10);
+      queue.push({cost, k});
+      costs.insert(cost);
+    } else {
+      REQUIRE_FALSE(queue.empty());
+      const Item item = queue.pop();
+      REQUIRE(item.cost <= 1.125 * *costs.begin());
+      REQUIRE(numbers.insert(item.number).second);
+      costs.erase(costs.find(item.cost));
+    }
+  }
+  for (; !queue.empty(); costs.erase(costs.find(queue.pop().cost))) REQUIRE_FALSE(costs.empty());
+  CHECK(costs.empty());
+}
+
+TEST_CASE("simplify: a dense grid loses vertices evenly", "[simplify][fast]") {
+  const Grid grid{120, 120, false, false};
+  const TriangleMesh<double> mesh =
+      build(grid.positions([](Index i, Index j) { return Vector3(i, j, 3 * std::sin(0.05 * i) * std::cos(0.07 * j)); }),
+            grid.triangles());
+  Context context;
+  constexpr Index wanted = 1000;
+  quadrig::detail::Decimator decimator(mesh, 1.0, std::sqrt(2 * mesh.total_area() / wanted), context);
+  REQUIRE(decimator.reduce(wanted, context));
+  double sum = 0, least = 1;
+  for (const auto& face : decimator.faces()) {
+    const double quality =
+        quadrig::detail::triangle_quality(mesh.position(face[0]), mesh.position(face[1]), mesh.position(face[2]));
+    sum += quality;
+    least = std::min(least, quality);
+  }
+  CHECK(decimator.face_count() <= wanted);
+  CHECK(sum / decimator.face_count() > 0.78);
+  CHECK(least > 0.3);
 }

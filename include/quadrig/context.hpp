@@ -4,14 +4,25 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <ctime>
 #include <exception>
 #include <functional>
+#include <optional>
 #include <string_view>
 #include <thread>
 
 #include "quadrig/core.hpp"
 
 namespace quadrig {
+
+/// A stretch of work that has ended, as `Context::on_span` gets it. Spans of one thread nest.
+struct Span {
+  std::string_view name;                      ///< of the stage; a literal
+  std::string detail;                         ///< which of its kind; may be empty
+  double begin_seconds = 0, end_seconds = 0;  ///< on the steady clock
+  double cpu_seconds = 0;                     ///< of its own thread; workers have spans of their own
+  std::thread::id thread{}, waiting{};        ///< of a worker `waiting` is the thread that waits for it, else `thread`
+};
 
 class Context {
  public:
@@ -28,17 +39,21 @@ class Context {
   /// Called at each of these polls, from any thread; true cancels, and has to stay true. For hosts that have no flag,
   /// and to count the polls.
   std::function<bool()> on_poll;
+  /// Called from any thread, several at once, when a stage or a worker ends; nothing is measured where it is empty.
+  std::function<void(const Span&)> on_span;
   /// Upper bound on threads; results are the same bits for every value. 0: as many as the machine has.
   unsigned threads = 0;
 
   [[nodiscard]] bool cancelled() const {
     return (cancel_flag && cancel_flag->load(std::memory_order_relaxed)) || (on_poll && on_poll());
   }
-  /// One for other threads and for trials: cancelled with this one, without its callbacks and warnings.
+  /// One for other threads and for trials: cancelled and measured with this one, without its progress, log and
+  /// warnings.
   [[nodiscard]] Context quiet(unsigned most_threads) const {
     Context own;
     own.cancel_flag = cancel_flag;
     own.on_poll = on_poll;
+    own.on_span = on_span;
     own.threads = most_threads;
     return own;
   }
@@ -75,6 +90,53 @@ class Context {
   }
 };
 
+namespace detail {
+
+/// CPU seconds of the calling thread; of the process where the system does not count them by thread.
+[[nodiscard]] inline double thread_cpu_seconds() {
+#if defined(CLOCK_THREAD_CPUTIME_ID)
+  std::timespec now{};
+  if (clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now) == 0)
+    return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+#endif
+  return static_cast<double>(std::clock()) / CLOCKS_PER_SEC;
+}
+[[nodiscard]] inline double steady_seconds() {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
+}
+
+}  // namespace detail
+
+/// Reports a span from its construction to its end.
+class SpanTimer {
+ public:
+  /// \param waiting of a worker the thread that waits for it
+  SpanTimer(const Context& context, std::string_view name, std::string detail = {},
+            std::thread::id waiting = std::this_thread::get_id())
+      : context_(context) {
+    if (!context.on_span) return;
+    span_ = {name, std::move(detail), detail::steady_seconds(), 0, 0, std::this_thread::get_id(), waiting};
+    cpu_before_ = detail::thread_cpu_seconds();
+  }
+  ~SpanTimer() { end(); }
+  SpanTimer(const SpanTimer&) = delete;
+  SpanTimer& operator=(const SpanTimer&) = delete;
+
+  /// Ends it before its scope does.
+  void end() {
+    if (span_.name.empty()) return;
+    span_.cpu_seconds = detail::thread_cpu_seconds() - cpu_before_;
+    span_.end_seconds = detail::steady_seconds();
+    context_.on_span(span_);
+    span_.name = {};
+  }
+
+ private:
+  const Context& context_;
+  Span span_;
+  double cpu_before_ = 0;
+};
+
 // Not a template: every loop of the library would compile its own threads.
 inline void Context::parallel_for(std::size_t n, std::size_t grain,
                                   function_ref<void(std::size_t, std::size_t)> body) const {
@@ -84,7 +146,10 @@ inline void Context::parallel_for(std::size_t n, std::size_t grain,
     return;
   }
   std::vector<std::exception_ptr> thrown(parts);
+  const std::thread::id caller = std::this_thread::get_id();
   const auto run = [&](std::size_t part) noexcept {
+    std::optional<SpanTimer> span;
+    if (on_span && std::this_thread::get_id() != caller) span.emplace(*this, "worker", std::string(), caller);
     try {
       body(n * part / parts, n * (part + 1) / parts);
     } catch (...) {

@@ -106,16 +106,14 @@ class TriangleMesh {
   [[nodiscard]] Vector normal(Index face) const { return normals_.row(face).transpose(); }
   [[nodiscard]] const Eigen::Matrix<Scalar, Eigen::Dynamic, 1>& areas() const { return areas_; }
   [[nodiscard]] Scalar area(Index face) const { return areas_[face]; }
-  [[nodiscard]] Scalar total_area() const { return areas_.sum(); }
+  [[nodiscard]] Scalar total_area() const { return total_area_; }
   /// Angle at a corner, radians.
   [[nodiscard]] Scalar corner_angle(Index corner) const {
     const Vector a = edge_vector(corner), b = -edge_vector(prev(corner));
     return std::atan2(a.cross(b).norm(), a.dot(b));
   }
-  [[nodiscard]] Scalar diagonal() const {
-    if (positions_.rows() == 0) return Scalar(0);
-    return (positions_.colwise().maxCoeff() - positions_.colwise().minCoeff()).norm();
-  }
+  /// Of the box around all vertices.
+  [[nodiscard]] Scalar diagonal() const { return diagonal_; }
 
  private:
   struct Around {
@@ -140,6 +138,7 @@ class TriangleMesh {
   Points<Scalar> positions_, normals_;
   Triangles faces_;
   Eigen::Matrix<Scalar, Eigen::Dynamic, 1> areas_;
+  Scalar total_area_ = 0, diagonal_ = 0;  // asked for inside loops over faces
   std::vector<Index> twins_, outgoing_;
   Index interior_edges_ = 0;
 };
@@ -306,6 +305,8 @@ Expected<TriangleMesh<Scalar>> TriangleMesh<Scalar>::create(Points<Scalar> posit
     mesh.areas_[f] = length / 2;
     mesh.normals_.row(f) = (length > 0 ? Vector(cross / length) : Vector::Zero()).transpose();
   }
+  if (m > 0) mesh.total_area_ = mesh.areas_.sum();
+  if (n > 0) mesh.diagonal_ = (mesh.positions_.colwise().maxCoeff() - mesh.positions_.colwise().minCoeff()).norm();
   return mesh;
 }
 

@@ -11,6 +11,7 @@
 #include <new>
 
 #include "command.hpp"
+#include "profile.hpp"
 #include "version.hpp"
 
 namespace {
@@ -120,19 +121,50 @@ std::string meant(CLI::App& app, int argc, char** argv) {
   return {};
 }
 
+/// Whether a file that is written beside what the verb declares may be: where there is none, or one that begins like
+/// it.
+bool may_replace(const std::filesystem::path& path, std::string_view begins) {
+  std::error_code ignored;
+  if (!std::filesystem::exists(std::filesystem::symlink_status(path, ignored))) return true;
+  if (!std::filesystem::is_regular_file(path, ignored)) return false;
+  std::string there(begins.size(), '\0');
+  std::ifstream file(path, std::ios::binary);
+  return file.read(there.data(), static_cast<std::streamsize>(there.size())) && there == begins;
+}
+
 /// Where a report was asked for, it tells of the failure. Nothing is replaced by it but a report: the run may have
 /// failed before it was known which files are inputs.
 void report_failure(const std::filesystem::path& path, const std::string& text) {
-  constexpr std::string_view begins = "{\n  \"quadrig\": ";
-  if (path.empty()) return;
-  std::error_code ignored;
-  if (std::filesystem::exists(std::filesystem::symlink_status(path, ignored))) {
-    if (!std::filesystem::is_regular_file(path, ignored)) return;
-    char there[begins.size()] = {};
-    std::ifstream file(path, std::ios::binary);
-    if (!file.read(there, begins.size()) || std::string_view(there, begins.size()) != begins) return;
-  }
+  if (path.empty() || !may_replace(path, "{\n  \"quadrig\": ")) return;
   (void)quadrig::write_file(path, text);  // the failure itself is told already
+}
+
+/// What became of the verb, and of its profile where one was asked for: that is written whatever became of the verb,
+/// and, since it may be named like an input or an output, over nothing but a profile.
+std::pair<quadrig::Status, quadrig::Status> run_verb(const quadrig::cli::Run& verb, quadrig::cli::Session& session,
+                                                     const std::filesystem::path& profile_path) {
+  using namespace quadrig;
+  if (profile_path.empty()) return {verb(session), {}};
+  const auto refused = [&] {
+    return Error{ErrorCode::bad_option, "is there, and is no profile", "--profile " + profile_path.string(),
+                 "name another file"};
+  };
+  constexpr std::string_view begins = "{\n \"traceEvents\": ";
+  if (!may_replace(profile_path, begins)) return {refused(), {}};
+  FileSet files;
+  if (Status status = files.writes(profile_path); !status) return {status, {}};
+  cli::Profile profile;
+  profile.watch(session.context);
+  Status status;
+  {
+    const SpanTimer all(session.context, "command");
+    status = verb(session);
+  }
+  session.context.on_span = {};
+  session.say(profile.table());
+  if (!may_replace(profile_path, begins)) return {status, refused()};
+  if (Status added = files.add(profile_path, profile.trace()); !added) return {status, added};
+  return {status, files.commit()};
 }
 
 int run(int argc, char** argv) {
@@ -158,6 +190,10 @@ int run(int argc, char** argv) {
   app.add_option("--time-limit", time_limit_seconds, "Longest run; more is exit code 12")
       ->check(CLI::Range(0.001, 1e9))
       ->type_name("SECONDS");
+  std::filesystem::path profile_path;
+  app.add_option("--profile", profile_path,
+                 "Where the time went, as trace events that Perfetto shows; a table of it goes to standard output")
+      ->type_name("FILE");
   cli::Run verb;
   cli::add_remesh(app, verb);
   cli::add_field(app, verb);
@@ -183,11 +219,12 @@ int run(int argc, char** argv) {
   if (session.memory_megabytes > 0) cli::limit_memory(1e6 * session.memory_megabytes);
   if (time_limit_seconds > 0) limit_time(time_limit_seconds);
   session.begin(interrupted);
-  const Status status = verb(session);
+  const auto [status, profiled] = run_verb(verb, session, profile_path);
   session.clear_progress();
   if (!session.quiet)
     for (const Warning& warning : session.context.warnings)
       std::fprintf(stderr, "quadrig: warning: %s: %s\n", warning.stage.c_str(), warning.text.c_str());
+  if (!profiled) std::fprintf(stderr, "quadrig: warning: profile: %s\n", profiled.error().message().c_str());
   if (status) {
     // All is done: what cannot be said of it is told, and no failure.
     if (const Status printed = session.printed(); !printed)

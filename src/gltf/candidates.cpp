@@ -268,6 +268,7 @@ Status make_shell(const Gathered& gathered, const Shells& shells, Shell& shell, 
   for (const Index f : shell.faces) order.push_back(gathered.surface.source_triangle[at(f)]);
   shell.make = GltfMake::kept;
   const bool field = wants_field(shell, options);
+  const SpanTimer span(context, "shell", std::to_string(shell.own()) + " triangles, due " + std::to_string(shell.due));
   if (competition || !field) shell.polygons = competition ? paired(mesh.positions(), triangles, order) : triangles;
   if (!field && (!competition || due_its_own(shell))) return {};
 
@@ -286,6 +287,7 @@ Status make_shell(const Gathered& gathered, const Shells& shells, Shell& shell, 
     if (!made && competition && of_the_part(made.error()))
       made = make_field(gathered, shells, shell, false, options, context);
     if (made) {
+      const SpanTimer measuring(context, "measure");
       shell.apart = measure.apart(fan_triangles(to_polygons(made->result.mesh)), poses.of(*made));
       best = shell.apart.rms;
       tell("field", 2 * made->result.mesh.quad_count(), shell.apart);
@@ -330,9 +332,12 @@ Status make_shell(const Gathered& gathered, const Shells& shells, Shell& shell, 
   };
   // Of rows that went four times out of five no more is left than a field has.
   const bool few_go = shell.due * most_rows_gone > shell.own();
-  if ((modelled && (few_go || no_field)) || free)
+  if ((modelled && (few_go || no_field)) || free) {
+    const SpanTimer rows(context, "rows");
     compete(coarsened(own, *shells.wedges, poses.points(), {wanted, true, 0.5}, {}, context), GltfMake::rows, 1);
+  }
   if (free) {
+    const SpanTimer simplified(context, "simplified");
     std::vector<Polygon> few = coarsened(triangles, *shells.wedges, poses.points(), {wanted, false, 0}, {}, context);
     compete(paired(mesh.positions(), std::move(few), {}), GltfMake::simplified, simplified_must_gain);
   }

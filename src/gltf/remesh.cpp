@@ -238,8 +238,10 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
   GltfClipOptions clips;
   clips.enabled = options.pose_source == GltfPoses::clips;
   gltf::State& state = document.state();
+  SpanTimer gathering(context, "surfaces");
   Expected<std::vector<gltf::Gathered>> gathered =
       gltf::gather(state, options.prepare, clips, options.selection, context);
+  gathering.end();
   if (!gathered) return gathered.error();
   if (std::ranges::none_of(*gathered, [](const gltf::Gathered& one) { return one.surface.asset.rig.has_value(); })) {
     if (options.remesh.group_borders)
@@ -262,6 +264,7 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
     }
   if (Status status = gltf::check_density(*gathered, options); !status) return status.error();
   context.progress("shares", 0);
+  SpanTimer sharing(context, "shares");
   if (context.cancelled()) return cancelled_error("gltf");
   std::vector<gltf::Shells> shells;
   double work = 0, begun = 0;
@@ -276,6 +279,7 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
   }
   gltf::share_out(shells, 2.0 * options.remesh.quads, options);
   for (std::size_t s = 0; s < shells.size(); ++s) gltf::join_twins((*gathered)[s], shells[s], options, context);
+  sharing.end();
   if (context.cancelled()) return cancelled_error("gltf");
   for (const gltf::Shells& one : shells)
     for (const gltf::Shell& shell : one.list) work += shell.due;
@@ -317,7 +321,10 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
         if (shell.failure) done.failures.push_back({gltf::shell_label(job.gathered, shells[s], shell), *shell.failure});
       }
       if (context.cancelled()) return cancelled_error("gltf");
+      SpanTimer layers(context, "layers");
       done.moved_vertices = gltf::keep_layers(job.gathered, shells[s], context);
+      layers.end();
+      SpanTimer assembly(context, "assembly");
       gltf::collect(job, shells[s], done, options.normals, options.remesh.influences);
       if (done.result.weights)
         if (const std::optional<std::string> lacking =
@@ -327,6 +334,8 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
       for (std::size_t p = 0; p < job.builders.size(); ++p)
         if (job.gathered.primitives[p].tangents)
           job.builders[p].make_tangents(job.gathered, job.gathered.primitives[p]);
+      assembly.end();
+      const SpanTimer measuring(context, "distances");
       Expected<std::vector<GltfPrimitive>> distances = gltf::primitive_distances(state, job, context);
       if (!distances) return distances.error();
       done.primitives = std::move(*distances);

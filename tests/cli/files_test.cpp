@@ -174,3 +174,31 @@ TEST_CASE("command: limits of memory and time have exit codes of their own", "[c
   CHECK(has(time.error, "--time-limit"));
   CHECK(everything(folder) == before);
 }
+
+TEST_CASE("command: a profile has every stage, within the stage that it is part of", "[cli][fast]") {
+  const ScratchFolder folder("files");
+  REQUIRE(run_quadrig(folder, "sample pear -o . --triangles 1000").exit_code == 0);
+  const std::string remesh = "remesh pear.obj --rig pear.tgf --weights pear.dmat --quads 300 -o q.obj --profile p.json";
+  const CommandResult run = run_quadrig(folder, remesh + " --threads 2");
+  REQUIRE(run.exit_code == 0);
+  for (const char* stage : {"command", "quads", "component", "attempt 1", "field", "map", "polish", "fit"})
+    CHECK(has(run.output, std::string(stage) + "  "));
+  CHECK(has(run.output, "peak memory"));
+  const std::string trace = read_text(folder / "p.json");
+  CHECK(trace.starts_with("{\n \"traceEvents\": ["));
+  for (const char* stage : {"command", "quads", "component", "attempt", "field", "map", "polish", "fit"})
+    CHECK(has(trace, "\"name\": \"" + std::string(stage) + "\""));
+  CHECK(has(trace, "\"ph\": \"X\""));
+  CHECK(has(trace, "\"name\": \"peak memory\""));
+  std::filesystem::remove(folder / "q.obj");
+  CHECK(run_quadrig(folder, remesh + "/none").exit_code == 3);  // found out before any work
+  CHECK_FALSE(std::filesystem::exists(folder / "q.obj"));
+  // Over nothing but a profile: neither an input, nor an output of the same run.
+  const std::string mesh = read_text(folder / "pear.obj");
+  CHECK(run_quadrig(folder, "field pear.obj --profile pear.obj").exit_code == 2);
+  CHECK(read_text(folder / "pear.obj") == mesh);
+  CHECK(run_quadrig(folder, "field pear.obj -o f.obj --profile f.obj").exit_code == 0);
+  CHECK(read_text(folder / "f.obj").starts_with("# two lines a face"));
+  CHECK(run_quadrig(folder, "field pear.obj --profile p.json").exit_code == 0);
+  CHECK(read_text(folder / "p.json") != trace);
+}

@@ -10,9 +10,7 @@ namespace quadrig::detail {
 /// Keeps no longer the edges at the corners of these faces. Returns whether there were any.
 inline bool release_near(const TriangleMesh<double>& mesh, std::span<const Index> faces, EdgeMarks& kept) {
   if (kept.empty()) return false;
-  std::vector<char> near(at(mesh.vertex_count()), 0);
-  for (const Index f : faces)
-    for (int i = 0; i < 3; ++i) near[at(mesh.faces()(f, i))] = 1;
+  const std::vector<char> near = corners_of(mesh, faces);
   bool any = false;
   for (Index h = 0; h < mesh.halfedge_count(); ++h)
     if (kept[at(h)] && (near[at(mesh.origin(h))] || near[at(mesh.target(h))])) kept[at(h)] = 0, any = true;
@@ -61,6 +59,7 @@ class AttemptRun {
     }
     if (context_.cancelled()) return cancelled_error("remesh");
     context_.progress("field", 0.1);
+    SpanTimer span(context_, "field");
     const Connection<double> connection(mesh_, &context_);
     if (context_.cancelled()) return cancelled_error("remesh");
     Expected<FieldResult> field = design_field(piece_.asset, connection, field_options(connection), context_);
@@ -76,6 +75,7 @@ class AttemptRun {
     FieldSurgery surgery(mesh_, std::move(*field), shared_.edge, real_solver_);
     if (!surgery.repair(repair, context_).ok()) return cancelled_error("remesh");
     if (options_.preset == FieldPreset::standard && piece_.asset.rig) find_loops();
+    span.end();
     lap(result_.seconds.field);
 
     Budget share = budget.lend(Work::maps, std::max(left / 2, granted));
@@ -144,19 +144,12 @@ class AttemptRun {
     for (const Index h : loop.crossed) density += shared_.asset.sizes->density[at(piece_.parent[at(h / 3)])];
     return shared_.edge / std::sqrt(density / static_cast<double>(loop.crossed.size()));
   }
-  /// Quads need no longer close along the loops through the corners of these faces, or none where these are near no
-  /// loop. Returns whether there was one.
+  /// Quads need no longer close along the loops through the corners of these faces, where there is no trouble in the
+  /// map but with its integers along none. Returns whether there were any.
   [[nodiscard]] bool release_loops(std::span<const Index> faces) {
-    std::vector<char> near(at(mesh_.vertex_count()), 0);
-    for (const Index f : faces)
-      for (int i = 0; i < 3; ++i) near[at(mesh_.faces()(f, i))] = 1;
-    const auto touched = [&](const FaceLoop& loop) {
-      return std::ranges::any_of(loop.crossed,
-                                 [&](Index h) { return near[at(mesh_.origin(h))] || near[at(mesh_.target(h))]; });
-    };
-    if (loops_.empty()) return false;
-    if (std::erase_if(loops_, touched) == 0) loops_.clear();
-    return true;
+    if (faces.empty()) return !std::exchange(loops_, {}).empty();
+    const std::vector<char> corners = corners_of(mesh_, faces);
+    return std::erase_if(loops_, [&](const FaceLoop& loop) { return passes(mesh_, loop, corners); }) > 0;
   }
 
   /// The map, and where it fails again of the field with the pair of singularities next to the failure cancelled, or
@@ -209,7 +202,9 @@ class AttemptRun {
       constexpr std::size_t very_many = 300, many = 30;
       const bool hopeless = trouble.size() > very_many || (trouble.size() > many && trouble.size() >= troubled_before);
       troubled_before = trouble.size();
-      if (hopeless || last || !surgery.repair_near(trouble, shared_.edge, context_)) return outcome;
+      if (last) return outcome;
+      if (!hopeless && surgery.repair_near(trouble, shared_.edge, context_)) continue;
+      if (std::exchange(loops_, {}).empty()) return outcome;
     }
   }
 
@@ -217,6 +212,7 @@ class AttemptRun {
   [[nodiscard]] Expected<MadeQuads> quads_of(const Connection<double>& connection, const FieldResult& field,
                                              std::vector<Index>& trouble, Budget& budget) {
     context_.progress("map", 0.2);
+    SpanTimer span(context_, "map", count_of(mesh_.face_count(), "triangle"));
     FrameField frames = field.frames;
     const RemeshShared& asset = shared_.asset;
     if (asset.sizes) {
@@ -235,6 +231,7 @@ class AttemptRun {
     seamless.solver = options_.solver;
     Expected<SeamlessMap> map =
         seamless_map(mesh_, connection, frames, field.matching, field.singularities, seamless, context_, budget);
+    span.end();
     lap(result_.seconds.map);
     if (!map) return map.error();
     StageBackends& backends = result_.backends;
@@ -283,8 +280,10 @@ class AttemptRun {
         return Outcome::unmappable;
       }
     for (const std::string& reason : on_the_way_) leave(reason);
+    SpanTimer span(context_, "landing");
     Landing landing(surface_mesh(), surface_marks(), shared_.edge, options_.polish, context_);
     const Coverage covered = landing.run(made.quads, made.least);
+    span.end();
     lap(result_.seconds.polish);
     const double least = made.least, farthest = covered.farthest / shared_.edge;
     result_.found = FoundQuads{std::move(made),

@@ -56,6 +56,7 @@ class ComponentRemesher {
   }
 
   [[nodiscard]] Expected<ComponentResult> run() {
+    const SpanTimer span(context_, "component", std::to_string(faces_.size()) + " triangles");
     if (context_.cancelled()) return cancelled_error("remesh");
     if (Status status = cut_out(); !status.ok()) return status.error();
     if (std::optional<QuadMesh> few = few_triangles()) return finished(std::move(*few));
@@ -149,9 +150,12 @@ class ComponentRemesher {
     // How many attempts there will be is not known: each takes half of what is left.
     const double begun = 1 - std::ldexp(1.0, -static_cast<int>(number));
     const ProgressPart progress(context_, begun, (1 + begun) / 2);
+    const SpanTimer all(context_, "attempt", std::to_string(number + 1));
     const Stopwatch watch;
     context_.progress("triangles", 0);
+    SpanTimer span(context_, attempt.on_stand_in() ? "stand-in" : "refinement");
     Expected<Piece> piece = ground(attempt);
+    span.end();
     result_.seconds.pieces += watch.seconds();
     if (!piece) {
       leave(attempt, piece.error().what);

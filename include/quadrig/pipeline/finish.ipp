@@ -20,6 +20,7 @@ class Finisher {
 
   [[nodiscard]] Expected<RemeshResult> run() {
     const Stopwatch total;
+    const SpanTimer span(context_, "finish");
     const ProgressPart whole(context_, 0, 1);
     context_.progress("fit", parts_done);
     if (Status status = finish(); !status.ok()) return status.error();
@@ -42,6 +43,7 @@ class Finisher {
   /// The fit, and weights of the vertices where they came to lie.
   [[nodiscard]] Status finish() {
     const Stopwatch watch;
+    const SpanTimer span(context_, "fit");
     std::vector<char> held = quads_.held;
     // Lines of edges that are kept are smooth in a cage, as a renderer without creases of its own makes them.
     if (options_.fit.method != FitMethod::subdivision)

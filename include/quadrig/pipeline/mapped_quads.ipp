@@ -23,6 +23,7 @@ QUADRIG_INLINE Expected<MadeQuads> MapQuads::run() {
 /// \param share of the search that is left which may be spent
 QUADRIG_INLINE Expected<CoarseQuads> MapQuads::integers(IntegerSearch& search, double quads, double tolerance,
                                                         double share) {
+  const SpanTimer span(context_, "integers");
   const double extraction_before = search.extraction_seconds();
   Budget part =
       budget_.lend(Work::search, static_cast<std::int64_t>(share * static_cast<double>(budget_.left(Work::search))));
@@ -73,7 +74,9 @@ QUADRIG_INLINE Expected<MadeQuads> MapQuads::quads_of(const CoarseMap& coarse, c
 }
 
 QUADRIG_INLINE Expected<MadeQuads> MapQuads::fine_quads(const CoarseMap& coarse, const CoarseQuads& found) {
+  SpanTimer span(context_, "fine map");
   Expected<FineMap> fine = fine_map(mesh_, map_, coarse, found.integers, wanted_, context_, budget_);
+  span.end();
   lap(seconds.map);
   if (!fine) return fine.error();
   // The first is granted: integers are worth nothing without it.
@@ -101,17 +104,20 @@ QUADRIG_INLINE Expected<MadeQuads> MapQuads::coarse_quads(const CoarseMap& coars
 }
 
 QUADRIG_INLINE Expected<MadeQuads> MapQuads::on_surface(ExtractedQuads extracted, Rung rung, std::vector<Complex> z) {
+  SpanTimer span(context_, "onto surface");
   for (std::size_t v = 0; v < extracted.vertices.size(); ++v) {
     if (v % 1024 == 0 && context_.cancelled()) return cancelled_error("extraction");
     extracted.vertices[v] = surface_.onto(extracted.vertices[v]);
   }
   MadeQuads made{quad_mesh(surface_.mesh, std::move(extracted)), rung, -1, std::move(z)};
+  span.end();
   lap(seconds.extraction);
   polish_once(made);
   return made;
 }
 
 QUADRIG_INLINE void MapQuads::polish_once(MadeQuads& made) {
+  const SpanTimer span(context_, "polish");
   PolishedQuads polished = polish(surface_.mesh, options_.polish, std::move(made.quads), context_, surface_.kept);
   made.quads = std::move(polished.mesh);
   made.least = polished.report.least_after;

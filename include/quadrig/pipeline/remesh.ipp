@@ -155,6 +155,7 @@ class Remesher {
 
   [[nodiscard]] Expected<UnfittedQuads> run() {
     const Stopwatch total;
+    const SpanTimer span(context_, "quads", count_of(mesh_.face_count(), "triangle"));
     const ProgressPart whole(context_, 0, 1);
     if (context_.cancelled()) return cancelled_error("remesh");
     quads_.connection = std::make_shared<const Connection<double>>(mesh_, &context_);
@@ -267,6 +268,7 @@ class Remesher {
   /// Sizes and posed directions, once for the whole asset.
   [[nodiscard]] Status measure(const Connection<double>& connection) {
     const Stopwatch watch;
+    const SpanTimer span(context_, "metric");
     std::vector<double> omega1;
     if (asset_.rig) {
       Expected<Dominance> dominance = Dominance::create(mesh_, *asset_.rig, &context_);

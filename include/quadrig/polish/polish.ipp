@@ -16,6 +16,7 @@ class Polisher {
     rail_.assign(n, no_index);
     fixed_.assign(held.begin(), held.end());
     fixed_.resize(n, 0);
+    open_.assign(n, 1);
     if (mesh.closed() && kept.empty()) return;
     curves_.emplace(mesh, joined_marks(border_marks(mesh), kept), EdgeCurves::eighth);
     find_border();
@@ -49,14 +50,25 @@ class Polisher {
   }
 
  private:
+  static constexpr double settled = 1e-3;  // a move of less, in edges of quads, is none
+
   int rounds(int most, Context& context) {
     int done = 0;
     for (; done < most && !context.cancelled(); ++done) {
       double moved = 0;
-      for (Index v = 0; v < quads_.vertex_count(); ++v) moved = std::max(moved, move(v));
-      if (moved < 1e-3) break;
+      for (Index v = 0; v < quads_.vertex_count(); ++v) {
+        if (!std::exchange(open_[at(v)], char{0})) continue;
+        const double here = move(v);
+        moved = std::max(moved, here);
+        if (here >= settled) open_around(v);
+      }
+      if (moved < settled) break;
     }
     return done;
+  }
+  void open_around(Index v) {
+    for (const Index k : corners_.at(v))
+      for (int i = 0; i < 4; ++i) open_[at(quads_.quads(k / 4, i))] = 1;
   }
 
   /// Ten rounds of plain averaging over the vertices within `rings` of the quads that are (nearly) inverted.
@@ -87,6 +99,8 @@ class Polisher {
         }
         put(v, project(v, mean / count));
       }
+    for (Index v = 0; v < quads_.vertex_count(); ++v)
+      if (patch[at(v)]) open_around(v);
   }
 
   struct Place {
@@ -284,6 +298,7 @@ class Polisher {
   std::optional<EdgeCurves> curves_;  // of the border and of what is kept
   std::vector<Index> rail_;
   std::vector<char> fixed_;
+  std::vector<char> open_;  // a flag a vertex: something beside it moved since it was last tried
 };
 
 }  // namespace detail

@@ -17,7 +17,8 @@ struct SeamlessOptions {
   /// Edges along which the map is to be straight where the field follows them, marks of the mesh; empty: none. The
   /// border always is.
   EdgeMarks kept{};
-  /// Loops that quads are to close along, where the field turns by nothing along them.
+  /// Loops that quads are to close along, where the field turns by nothing along them. Those at which a map that closes
+  /// them flips are let go: SeamlessReport::closed.
   std::vector<FaceLoop> loops{};
   /// Further solves in which lengths give way to directions. Few: the sizes of this map decide how many quads go where.
   int straightenings = 1;

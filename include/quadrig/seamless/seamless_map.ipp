@@ -20,9 +20,16 @@ namespace detail {
 template <class K>
 class SeamlessSolver {
  public:
+  /// \param loops that the unknowns close
   SeamlessSolver(const TriangleMesh<double>& mesh, const MapUnknowns<K>& unknowns, const SeamlessOptions& options,
-                 SeamlessMap& map, Context& context, Budget& budget)
-      : mesh_(mesh), unknowns_(unknowns), options_(options), map_(map), context_(context), budget_(budget) {}
+                 const DemandedLoops& loops, SeamlessMap& map, Context& context, Budget& budget)
+      : mesh_(mesh),
+        unknowns_(unknowns),
+        options_(options),
+        loops_(loops),
+        map_(map),
+        context_(context),
+        budget_(budget) {}
 
   [[nodiscard]] Status run() {
     // Sizes as wanted, where need be less so, at last whatever fits together. Sizes that few quads can hardly follow
@@ -34,10 +41,15 @@ class SeamlessSolver {
       Expected<bool> valid = solve(scaling);
       if (!valid) return valid.error();
       if (*valid) return {};
-      if (is_noise(defect_count(candidates_.back().defects), mesh_.face_count())) {
+      if (is_noise(defect_count(candidates_.back().defects), mesh_.face_count()) ||
+          loops_.in_trouble(mesh_, options_.loops, map_.report.trouble)) {
         take(std::move(candidates_.back()));
         return {};
       }
+      // Where other sizes mend few of the defects, a place of the field is at fault, and yet others mend none.
+      constexpr double mended = 0.75;
+      if (const std::size_t n = candidates_.size(); n > 1)
+        if (defect_count(candidates_[n - 1].defects) > mended * defect_count(candidates_[n - 2].defects)) break;
     }
     return untangle_candidates();
   }
@@ -64,8 +76,11 @@ class SeamlessSolver {
     scales.fidelity = scaling.fidelity;
     scales.largest = scaling.largest;
     scales.solver = options_.solver.factory<double>();
+    SpanTimer sizes(context_, "sizes");
     Expected<CorrectedTarget> scaled = correct_log_scale(mesh_, map_.cut, map_.index4, scales, map_.target, context_);
     if (!scaled) return scaled.error();
+    sizes.end();
+    SpanTimer span(context_, "solves", "fidelity " + std::to_string(scaling.fidelity).substr(0, 4));
     SeamlessReport& report = map_.report;
     report.target_backend = scaled->backend;
     PoissonOptions poisson;
@@ -75,6 +90,7 @@ class SeamlessSolver {
     poisson.solver = options_.solver;
     Expected<PoissonMap<K>> solved = solve_poisson<K>(mesh_, unknowns_, map_.index4, scaled->target, poisson, context_);
     if (!solved) return solved.error();
+    span.end();
     report.map_backend = solved->report.backend;
     constexpr int of_sizes = 2;  // the correction costs about as much as two solves
     budget_.spend(Work::maps, (solved->report.iterations + std::int64_t{of_sizes}) * mesh_.face_count());
@@ -100,8 +116,16 @@ class SeamlessSolver {
     });
     UntangleOptions options;
     options.solver = options_.solver.factory<double>();
+    std::vector<char> tried(at(mesh_.vertex_count()), 0);  // corners of defects that were not untangled
     for (Candidate& candidate : candidates_) {
       if (budget_.spent(Work::untangling)) break;
+      const auto known = [&](Index f) {
+        const auto corner = [&](int i) { return tried[at(mesh_.faces()(f, i))] != 0; };
+        return corner(0) || corner(1) || corner(2);
+      };
+      const std::vector<Index>& flipped = candidate.defects.flipped_faces;
+      if (!flipped.empty() && std::ranges::all_of(flipped, known)) continue;
+      const SpanTimer span(context_, "untangling");
       Expected<UntangledMap> untangled = untangle(mesh_, map_.cut, map_.index4, map_.aligned, candidate.target, options,
                                                   std::move(candidate.z), context_, budget_);
       if (!untangled) return untangled.error();
@@ -113,6 +137,8 @@ class SeamlessSolver {
         return {};
       }
       if (untangled->report.hopeless) break;
+      for (const Index f : flipped)
+        for (int i = 0; i < 3; ++i) tried[at(mesh_.faces()(f, i))] = 1;
     }
     take(std::move(candidates_.front()));
     return {};
@@ -121,6 +147,7 @@ class SeamlessSolver {
   const TriangleMesh<double>& mesh_;
   const MapUnknowns<K>& unknowns_;
   const SeamlessOptions& options_;
+  const DemandedLoops& loops_;
   SeamlessMap& map_;
   Context& context_;
   Budget& budget_;
@@ -145,13 +172,13 @@ QUADRIG_INLINE Expected<SeamlessMap> seamless_map(const TriangleMesh<double>& me
   const TargetEdges wanted = target_edges(mesh, connection, cut, frames.u, frames.v);
   if (stopped()) return cancelled_error("seamless map");
 
-  std::vector<LoopDemand> demands;
+  detail::DemandedLoops loops;
   std::vector<char> closed;
   for (const FaceLoop& loop : options.loops) {
     std::optional<LoopDemand> demand;
     if (quarter_turns(mesh, matching, loop) == 0) demand = loop_demand(mesh, cut, wanted, loop);
     closed.push_back(demand.has_value());
-    if (demand) demands.push_back(std::move(*demand));
+    if (demand) loops.add(static_cast<Index>(closed.size() - 1), std::move(*demand));
   }
 
   const auto solved = [&]<class K>(std::type_identity<K>) -> Expected<SeamlessMap> {
@@ -161,17 +188,18 @@ QUADRIG_INLINE Expected<SeamlessMap> seamless_map(const TriangleMesh<double>& me
     SeamlessMap map{std::move(cut), singularities.index4, std::move(aligned), wanted, {}, std::move(*unknowns), {}};
     map.report.closed = std::move(closed);
     const auto solve = [&]<class Unknown>(const MapUnknowns<Unknown>& among) {
-      return detail::SeamlessSolver<Unknown>(mesh, among, options, map, context, budget).run();
+      map.target = wanted;
+      return detail::SeamlessSolver<Unknown>(mesh, among, options, loops, map, context, budget).run();
     };
-    if (demands.empty()) {
-      if (Status status = solve(std::get<MapUnknowns<K>>(map.unknowns)); !status.ok()) return status.error();
-      return map;
+    while (!loops.demands.empty()) {
+      // Integers that close the loops too need no row for it: what comes after goes by the unknowns without.
+      Expected<MapUnknowns<double>> held =
+          MapUnknowns<double>::create(mesh, map.cut, singularities.index4, map.aligned, &context, loops.demands);
+      if (!held) return held.error();
+      if (Status status = solve(*held); !status.ok()) return status.error();
+      if (map.valid() || !loops.release(mesh, options.loops, map.report.trouble, map.report.closed)) return map;
     }
-    // Integers that close the loops too need no row for it: what comes after goes by the unknowns without.
-    Expected<MapUnknowns<double>> held =
-        MapUnknowns<double>::create(mesh, map.cut, singularities.index4, map.aligned, &context, demands);
-    if (!held) return held.error();
-    if (Status status = solve(*held); !status.ok()) return status.error();
+    if (Status status = solve(std::get<MapUnknowns<K>>(map.unknowns)); !status.ok()) return status.error();
     return map;
   };
   const bool pinned = std::any_of(aligned.begin(), aligned.end(), [](Aligned a) { return a != Aligned::none; });

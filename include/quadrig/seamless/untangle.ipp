@@ -33,6 +33,7 @@ class Untangler {
     const std::int64_t most =
         std::min(budget.left(Work::untangling), options_.work + 5 * std::int64_t{mesh_.face_count()});
     left_ = most;
+    int in_vain = 0;
     for (int rings = 4; rings <= options_.rings && !report.defects.valid() && left_ > 0; rings *= 2) {
       if (context.cancelled()) return cancelled_error("seamless map");
       z_ = start;
@@ -47,7 +48,9 @@ class Untangler {
       report.defects = check_map(mesh_, index_, z_);
       // Few defects may be more for a while; many do not come apart that way.
       report.hopeless = before > 30 && report.defects.flips + report.defects.wrong_cones >= before;
-      if (report.hopeless) break;
+      constexpr int patience = 2;  // neighbourhoods in a row that leave as many
+      in_vain = report.defects.flips + report.defects.wrong_cones >= before ? in_vain + 1 : 0;
+      if (report.hopeless || in_vain == patience) break;
     }
     report.work = most - left_;
     budget.spend(Work::untangling, report.work);

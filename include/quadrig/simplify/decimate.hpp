@@ -41,25 +41,31 @@ class Quadric {
   return sides > 0 ? 2 * std::sqrt(3.0) * (b - a).cross(c - a).norm() / sides : 0;
 }
 
-/// A queue by `cost`, the least (by operator< of T, the greatest) first: in bins of an eighth of an octave, only the
-/// lowest kept as a heap. That one fits into a cache, where a heap of all would not.
+/// A queue by `cost`, the least first, in bins of an eighth of an octave. Exactly: by operator< of T, the greatest
+/// first, with the lowest bin kept as a heap. Else costs of one bin count as one, first come first served: neighbours
+/// follow each other then, which is kind to caches, where a heap of very many is not.
 template <class T>
 class CostQueue {
  public:
+  explicit CostQueue(bool exact) : exact_(exact) {}
   void push(const T& each) {
     const std::size_t b = bin(each.cost);
     bins_[b].push_back(each);
-    if (heap_[b]) std::push_heap(bins_[b].begin(), bins_[b].end());
+    if (exact_ && begun_[b]) std::push_heap(bins_[b].begin(), bins_[b].end());
     lowest_ = std::min(lowest_, b);
   }
   [[nodiscard]] bool empty() {
-    while (lowest_ < bins_.size() && bins_[lowest_].empty()) ++lowest_;
+    while (lowest_ < bins_.size() && bins_[lowest_].size() == (exact_ ? 0 : begun_[lowest_])) {
+      bins_[lowest_].clear();
+      begun_[lowest_++] = 0;
+    }
     return lowest_ == bins_.size();
   }
   /// \pre not empty()
   T pop() {
     std::vector<T>& least = bins_[lowest_];
-    if (!std::exchange(heap_[lowest_], char{1})) std::make_heap(least.begin(), least.end());
+    if (!exact_) return least[begun_[lowest_]++];
+    if (!std::exchange(begun_[lowest_], std::size_t{1})) std::make_heap(least.begin(), least.end());
     std::pop_heap(least.begin(), least.end());
     const T each = least.back();
     least.pop_back();
@@ -73,8 +79,10 @@ class CostQueue {
     return (bits >> 63 ? ~bits : bits | (std::uint64_t{1} << 63)) >> 49;
   }
 
+  const bool exact_;
   std::vector<std::vector<T>> bins_{std::size_t{1} << 15};
-  std::vector<char> heap_ = std::vector<char>(std::size_t{1} << 15, 0);
+  /// Of each bin whether it is a heap; not exactly: how many have been taken.
+  std::vector<std::size_t> begun_ = std::vector<std::size_t>(std::size_t{1} << 15, 0);
   std::size_t lowest_ = std::size_t{1} << 15;
 };
 
@@ -154,13 +162,15 @@ class Decimator {
   [[nodiscard]] Status reduce(Index wanted, Context& context) {
     if (context.cancelled()) return cancelled_error("simplify");
     constexpr Rule rules[] = {{0.5, 0.6}, {0.3, 0.4}, {0.1, 0.3}, {0.02, 0.2}, {1e-4, 0.1}};
+    constexpr int few_times = 4;  // the number wanted: above it the order is not exact
     constexpr double costs[] = {2, 16, 128, std::numeric_limits<double>::infinity()};
     for (std::size_t c = 0; c < std::size(costs); ++c)
       for (std::size_t r = 0; r < std::min(c + 3, std::size(rules)); ++r)
         for (Index before = alive_; alive_ > wanted; before = alive_) {
           // Flips on the way keep the triangles fit for further collapses.
-          const Index stop = std::max(wanted, alive_ / 3);
-          if (!sweep(rules[r], stop, costs[c] * unit_cost_, context)) return cancelled_error("simplify");
+          const bool many = alive_ > few_times * std::int64_t{wanted};
+          const Index stop = std::max(many ? few_times * wanted : wanted, alive_ / 3);
+          if (!sweep(rules[r], stop, costs[c] * unit_cost_, !many, context)) return cancelled_error("simplify");
           if (alive_ <= 8 * std::int64_t{wanted}) flip(context);
           if (context.cancelled()) return cancelled_error("simplify");
           if (alive_ > stop && before - alive_ <= before / 50) break;
@@ -228,8 +238,8 @@ class Decimator {
   }
 
   /// Returns false where the caller asked to stop.
-  bool sweep(const Rule& rule, Index stop, double highest_cost, Context& context) {
-    CostQueue<Candidate> queue;
+  bool sweep(const Rule& rule, Index stop, double highest_cost, bool exact, Context& context) {
+    CostQueue<Candidate> queue(exact);
     const auto offer = [&](Index from, Index to) {
       if (const Candidate c = candidate(from, to); !(c.cost > highest_cost)) queue.push(c);
     };
