@@ -5,6 +5,7 @@
 #include "quadrig/constraints/features.hpp"
 #include "quadrig/curves.hpp"
 #include "quadrig/pipeline.hpp"
+#include "quadrig/pipeline/features.hpp"
 #include "quadrig/prepare.hpp"
 #include "quadrig/samples.hpp"
 #include "surfaces.hpp"
@@ -206,6 +207,54 @@ TEST_CASE("remesh: borders of vertex groups become edges of quads where that is 
     mixed += first && second;
   }
   CHECK(mixed == 0);
+}
+
+TEST_CASE("remesh: blocks on a terrain keep most of their creases at every count", "[features]") {
+  // The walls are a triangle wide, and some of their corners wedges of a few degrees: those lines give way, not all.
+  const Index n = 60;
+  const Grid grid{n, n};
+  const TriangleMesh<double> blocks = build(grid.positions([&](Index i, Index j) -> Vector3 {
+    const double x = 6.0 * i / n, y = 6.0 * j / n, u = std::abs(std::fmod(x, 3) - 1.5),
+                 v = std::abs(std::fmod(y, 3) - 1.5);
+    return {x, y, std::max(u, v) < 0.7 ? 1 : 0.15 * std::sin(x) * std::cos(0.7 * y)};
+  }),
+                                            grid.triangles());
+  for (const Index quads : {600, 2000}) {
+    RemeshOptions options;
+    options.quads = quads;
+    options.crease_angle_radians = 30 * std::numbers::pi / 180;
+    Context context;
+    const auto result = remesh({blocks, {}}, options, context);
+    REQUIRE(result);
+    const ComponentReport& part = result->report.components[0];
+    CAPTURE(quads, part.kept_length, part.kept_as_quads, rung_name(part.rung));
+    CHECK(part.kept_as_quads > 0.5 * part.kept_length);
+    CHECK(std::abs(part.quads - quads) <= 0.05 * quads);
+  }
+}
+
+TEST_CASE("features: what lines enclose that has no room for half a quad is joined where it bends least",
+          "[features][fast]") {
+  // A sheet parted at x = 1/2, with a square of 1/64 of its area in the corner of one half.
+  const TriangleMesh<double> flat = sheet(8);
+  const auto on = [](const Vector3& p) {
+    const bool square = (p.x() == 0.125 && p.y() <= 0.125) || (p.y() == 0.125 && p.x() <= 0.125);
+    return p.x() == 0.5 || square;
+  };
+  const EdgeMarks marks = marks_where(flat, on);
+  const auto count = [](const EdgeMarks& kept) { return std::count(kept.begin(), kept.end(), 1) / 2; };
+  EdgeMarks kept = marks;
+  quadrig::detail::release_small_patches(flat, 0.1, kept);
+  CHECK(kept == marks);  // 1/64 is more than half of 1/100
+  quadrig::detail::release_small_patches(flat, 0.2, kept);
+  CHECK(count(kept) == count(marks) - 2);
+  for (Index h = 0; h < flat.halfedge_count(); ++h)
+    if (kept[at(h)]) CHECK(flat.position(flat.origin(h)).x() == 0.5);
+  // A line that ends within a patch encloses nothing.
+  const EdgeMarks ending = marks_where(flat, [](const Vector3& p) { return p.x() == 0.5 && p.y() <= 0.5; });
+  kept = ending;
+  quadrig::detail::release_small_patches(flat, 10, kept);
+  CHECK(kept == ending);
 }
 
 TEST_CASE("remesh: features that are none, and groups without a rig, are refused by name", "[features][fast]") {

@@ -81,8 +81,9 @@ TEST_CASE("gltf: joints, clips and weights move the quads as they moved the tria
     CHECK(std::abs(weights.coeff(v, 1) - upper) < 0.13);  // one ring of the tube
   }
   const std::string in = tube_file({.as_json = true});
-  for (const auto& [from, to] : {std::pair{"\"animations\":", "\"accessors\""}, std::pair{"\"nodes\":[{", "\"meshes\""},
-                                 std::pair{"\"materials\":", "\"animations\""}, std::pair{"\"extras\":", "}"}})
+  for (const auto& [from, to] :
+       {std::pair{"\"animations\":", "\"accessors\""}, std::pair{"\"nodes\":[{", "\"meshes\""},
+        std::pair{"\"materials\":", "\"animations\""}, std::pair{"\"extras\":{\"huge\":", "}"}})
     CHECK(part(done.json, from, to) == part(in, from, to));
 }
 
@@ -283,6 +284,26 @@ TEST_CASE("gltf: edges between regions lie on the seams where quads stay good", 
   };
   CHECK(on_seams(with) > 2 * on_seams(without));
   CHECK(on_seams(with) > with.snapped_edges / 2);
+}
+
+TEST_CASE("gltf: the attribute _DENSITY says where quads are small", "[gltf]") {
+  const auto share_above = [](bool dense_top) {
+    GltfRemeshOptions options = asked(600);
+    options.topology = GltfTopology::field;
+    const Done done = remeshed({.two_materials = false, .dense_top = dense_top}, options);
+    const QuadMesh& mesh = done.surfaces[0].result.mesh;
+    Index above = 0;
+    for (Index q = 0; q < mesh.quad_count(); ++q) {
+      double y = 0;
+      for (int i = 0; i < 4; ++i) y += mesh.positions(mesh.quads(q, i), 1) / 4;
+      above += y > 1;
+    }
+    return static_cast<double>(above) / mesh.quad_count();
+  };
+  const double even = share_above(false), dense = share_above(true);
+  CAPTURE(even, dense);
+  CHECK(even < 0.6);
+  CHECK(dense > even + 0.1);  // 0.9 of all, but that sizes change gradually and the middle bends
 }
 
 TEST_CASE("gltf: normals of morph targets are those of the moved quads", "[gltf]") {

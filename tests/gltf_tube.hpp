@@ -26,6 +26,7 @@ struct Tube {
   bool loose = false;          ///< the upper joint is no child of the lower, and no scene has it
   bool normals = false;        ///< smooth along the sides, parted at the caps
   bool upward = false;         ///< all its normals are y
+  bool dense_top = false;      ///< the attribute _DENSITY is 9 above the middle, else 1
   bool coloured = false;       ///< the morph target changes texture coordinates, by height
 };
 
@@ -157,6 +158,9 @@ void put(std::string& bytes, T value) {
   }
   const bool with_normals = tube.normals || tube.upward;
   const int at_normals = with_normals ? add(normals, count, "VEC3", 5126) : 0;
+  std::string density;
+  for (const Vertex& p : vertices) detail::put(density, p.y > 1 ? 9.0F : 1.0F);
+  const int at_density = tube.dense_top ? add(density, count, "SCALAR", 5126) : 0;
   const int at_wrong = tube.tangents ? add(wrong, count, "VEC4", 5126) : 0;
   const int at_shifts = tube.coloured ? add(shifts, count, "VEC2", 5126) : 0;
   std::string both[2];
@@ -172,6 +176,7 @@ void put(std::string& bytes, T value) {
         (tube.skinned ? ",\"JOINTS_0\":" + std::to_string(at_joints) + ",\"WEIGHTS_0\":" + std::to_string(at_weights)
                       : std::string()) +
         (tube.tangents ? ",\"TANGENT\":" + std::to_string(at_wrong) : std::string()) +
+        (tube.dense_top ? ",\"_DENSITY\":" + std::to_string(at_density) : std::string()) +
         (with_normals ? ",\"NORMAL\":" + std::to_string(at_normals) : std::string()) +
         "},\"indices\":" + std::to_string(indices) + ",\"material\":" + (list == &lower ? "0" : "1") +
         ",\"targets\":[{\"POSITION\":" + std::to_string(at_moved) +

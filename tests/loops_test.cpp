@@ -1,8 +1,10 @@
+#include <map>
 #include <numeric>
 
 #include "quadrig/field/loops.hpp"
 #include "quadrig/field/surgery.hpp"
 #include "quadrig/pipeline.hpp"
+#include "quadrig/pipeline/hinge_bands.hpp"
 #include "quadrig/quantize.hpp"
 #include "quadrig/quantize/quantizer.hpp"
 #include "quadrig/samples.hpp"
@@ -182,6 +184,60 @@ TEST_CASE("loops: a limb has closed rings at its joint at every count", "[loops]
     CHECK(result.report.hinges[0].rings.loops >= 3);
     CHECK(result.report.hinges[0].rings.around >= 6);
   }
+}
+
+TEST_CASE("loops: round the middle of a hinge directions are asked for, where a curve runs round its bones",
+          "[loops][fast]") {
+  const Asset asset = limbs("humanoid", 6000);
+  const std::vector<Hinge> hinges = find_hinges(asset.mesh, *asset.rig);
+  const auto pulls = [&](double edge, LoopOptions loops = {}) {
+    std::vector<FaceDirection> all;
+    detail::pull_along_hinges(
+        asset.mesh, *asset.rig, loops, [&](const FaceLoop&) { return edge; }, all);
+    return all;
+  };
+  CHECK(pulls(1e3).empty());  // no quad goes round
+  CHECK(pulls(1e-3, {0, {}}).empty());
+  const std::vector<FaceDirection> all = pulls(1e-3);
+  REQUIRE(!all.empty());
+  // Shins hang on thighs: bones 11 and 12 of the left leg, 19 and 20 of the right; their directions are nearly level.
+  std::size_t at_knees = 0;
+  for (const Hinge& hinge : hinges) {
+    if (hinge.bone != 11 && hinge.bone != 19) continue;
+    const Bone& bone = asset.rig->skeleton.bones[at(hinge.bone)];
+    for (const FaceDirection& one : all) {
+      CHECK(std::abs(one.direction.norm() - 1) < 1e-9);
+      CHECK(std::abs(one.direction.dot(asset.mesh.normal(one.face))) < 1e-9);
+      if ((position(asset.mesh, {one.face, Vector3::Constant(1.0 / 3)}) - bone.head).norm() > 0.75 * hinge.bend)
+        continue;
+      ++at_knees;
+      CHECK(std::abs(one.direction.dot(bone.direction())) < 0.5);
+    }
+  }
+  CHECK(at_knees > 20);
+  // The curve of a clavicle runs along the spine and along the clavicle: there is no way round it without poles.
+  CHECK(pulls(1e-3, {0, {{asset.rig->skeleton.bones[5].name, 3}}}).empty());
+  CHECK(!pulls(1e-3, {0, {{asset.rig->skeleton.bones[11].name, 3}}}).empty());
+}
+
+TEST_CASE("loops: a joint that is named gets rows for its loops, and its twin on the other side too",
+          "[loops][pipeline]") {
+  const Asset asset = limbs("humanoid", 10000);
+  const auto loops_at = [&](std::vector<LoopOptions::OfJoint> of_joints) {
+    RemeshOptions options;
+    options.quads = 1500;
+    options.loops.of_joints = std::move(of_joints);
+    Context context;
+    const Expected<RemeshResult> result = remesh(asset, options, context);
+    REQUIRE(result);
+    std::map<std::string, Index> loops;
+    for (const HingeReport& hinge : result->report.hinges) loops[hinge.joint] = hinge.rings.loops;
+    return loops;
+  };
+  const std::string left = asset.rig->skeleton.bones[7].name, right = asset.rig->skeleton.bones[15].name;
+  std::map<std::string, Index> before = loops_at({}), after = loops_at({{left, 7}});
+  CHECK(after[left] >= before[left] + 2);
+  CHECK(after[right] >= before[right] + 2);
 }
 
 TEST_CASE("loops: what is wanted goes by the name of the joint", "[loops][fast]") {

@@ -191,6 +191,23 @@ TEST_CASE("weights: biharmonic weights of the arm are near those it came with", 
   CHECK(off / arm.mesh.vertex_count() < 0.06);
 }
 
+TEST_CASE("weights: biharmonic weights of a body are near its heat weights, and every bone has a region", "[weights]") {
+  Context context;
+  const Asset body = make_sample("humanoid", 6000, context).value();
+  const SkinWeights made = bound(body.mesh, body.rig->skeleton, {.method = BindMethod::bounded_biharmonic}).weights;
+  const double misplaced = Eigen::MatrixXd(made - body.rig->weights).cwiseAbs().sum() / 2 / body.mesh.vertex_count();
+  CAPTURE(misplaced);
+  CHECK(misplaced < 0.1);
+  std::vector<Index> ruled(static_cast<std::size_t>(body.rig->skeleton.bone_count()), 0);
+  for (Index v = 0; v < made.rows(); ++v) {
+    BoneShare most;
+    for (SkinWeights::InnerIterator it(made, v); it; ++it)
+      if (it.value() > most.weight) most = {static_cast<Index>(it.col()), it.value()};
+    ++ruled[static_cast<std::size_t>(most.bone)];
+  }
+  CHECK(*std::min_element(ruled.begin(), ruled.end()) > 10);
+}
+
 TEST_CASE("weights: bad options and inputs are refused by name", "[weights]") {
   const Grid grid{8, 8, true, false};
   const auto mesh = test::build(test::tube_positions(grid, 2, 0.5), grid.triangles());

@@ -3,12 +3,12 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-#include <array>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
 
 #include "io/estimate.hpp"
+#include "version.hpp"
 
 namespace quadrig::cli {
 
@@ -81,73 +81,68 @@ Status Session::printed() const {
                "standard output", "check where it goes"};
 }
 
-void add_input(CLI::App& verb, Input& input, const std::string& formats) {
-  verb.add_option("MESH", input.files.mesh, "Surface: " + formats)->required()->type_name("");
-  auto* rig = verb.add_option("--rig", input.files.rig, "Bones: .tgf")->type_name("FILE");
-  auto* weights = verb.add_option("--weights", input.files.weights, "Skin weights, a column a bone: .dmat");
-  weights->type_name("FILE");
-  weights->needs(rig);
-  verb.add_option_function<std::string>(
-          "--bind",
-          [&input](const std::string& name) {
-            input.load.bind.emplace();
-            for (const BindMethod method :
-                 {BindMethod::nearest_bone, BindMethod::geodesic_voxel, BindMethod::bounded_biharmonic})
-              if (name == bind_method_name(method)) input.load.bind->method = method;
-          },
-          "Make the weights of a rig that comes without")
-      ->check(CLI::IsMember({"voxel", "biharmonic", "nearest"}))
-      ->needs(rig)
-      ->excludes(weights)
-      ->option_text("voxel|biharmonic|nearest (needs --rig, excludes --weights)");
-  const std::string group = "Input repair";
-  verb.add_flag("--strict", input.load.prepare.strict, "Refuse an input that needs repair")->group(group);
-  verb.add_option("--weld", input.load.prepare.weld, "Which vertices at one position become one")
-      ->transform(CLI::CheckedTransformer(
-          std::vector<std::pair<std::string, Weld>>{{"never", Weld::never}, {"seams", Weld::seams}, {"all", Weld::all}},
-          CLI::ignore_case))
-      ->option_text("never|seams|all = seams")
-      ->group(group);
-  verb.add_option("--weld-distance", input.load.prepare.weld_distance, "Positions at most this far apart are one")
-      ->type_name("LENGTH")
-      ->group(group);
-  verb.add_option("--weight-tolerance", input.load.prepare.weight_tolerance,
-                  "Weights whose sum is off by at most this are rescaled")
-      ->type_name("SHARE")
-      ->capture_default_str()
-      ->group(group);
+namespace {
+
+std::string_view error_code_name(ErrorCode code) {
+  switch (code) {
+    case ErrorCode::bad_option:
+      return "bad_option";
+    case ErrorCode::bad_file:
+      return "bad_file";
+    case ErrorCode::bad_input:
+      return "bad_input";
+    case ErrorCode::unsupported:
+      return "unsupported";
+    case ErrorCode::numeric:
+      return "numeric";
+    case ErrorCode::stage_failed:
+      return "stage_failed";
+    case ErrorCode::cancelled:
+      return "cancelled";
+  }
+  return {};
 }
 
-Expected<LoadedAsset> load(const Input& input, Session& session) {
-  session.context.progress("read", 0);
-  session.expect(std::array{input.files.mesh, input.files.rig, input.files.weights}, input.quads);
-  return load_asset(input.files, input.load, session.context);
+Json run_json(const Session& session) {
+  rusage used{};
+  getrusage(RUSAGE_SELF, &used);
+  const auto seconds = [](const timeval& time) {
+    return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
+  };
+  Json run;
+  run["arguments"] = session.arguments;
+  run["build"] = version_lines();
+  run["threads"] = session.context.thread_count();
+  run["wall_seconds"] = session.watch.seconds();
+  run["cpu_seconds"] = seconds(used.ru_utime) + seconds(used.ru_stime);
+  run["peak_megabytes"] = static_cast<double>(used.ru_maxrss) / 1024;
+  return run;
 }
 
-Json report_head(std::string_view verb, const Input& input, const LoadedAsset& loaded) {
+}  // namespace
+
+std::filesystem::path report_path(const CLI::App& app) {
+  const auto verbs = app.get_subcommands();
+  if (verbs.empty()) return {};
+  const CLI::Option* option = verbs.front()->get_option_no_throw("--report");
+  return option && option->count() > 0 ? std::filesystem::path(option->results().back()) : std::filesystem::path();
+}
+
+std::string failure_text(const Error& error, int exit_code, const Session& session) {
   Json report;
   report["quadrig"] = QUADRIG_VERSION;
-  report["verb"] = verb;
-  Json& in = report["input"];
-  in["mesh"] = input.files.mesh.string();
-  if (!input.files.rig.empty()) {
-    in["rig"] = input.files.rig.string();
-    if (input.load.bind)
-      in["bind"] = bind_method_name(input.load.bind->method);
-    else
-      in["weights"] = input.files.weights.string();
-  }
-  in["vertices"] = loaded.asset.mesh.vertex_count();
-  in["faces"] = loaded.asset.mesh.face_count();
-  in["bones"] = loaded.asset.rig ? loaded.asset.rig->skeleton.bone_count() : 0;
-  in["components"] = loaded.report.components;
-  in["closed"] = loaded.asset.mesh.closed();
-  in["doubled_vertices"] = loaded.report.doubled_vertices;
-  in["repairs"] = loaded.report.repairs();
-  return report;
+  report["error"] = {{"code", error_code_name(error.code)},
+                     {"exit_code", exit_code},
+                     {"what", error.what},
+                     {"where", error.where},
+                     {"remedy", error.remedy},
+                     {"message", error.message()}};
+  report["warnings"] = warnings_json(session.context.warnings);
+  return report_text(std::move(report), session);
 }
 
-std::string report_text(const Json& report) {
+std::string report_text(Json report, const Session& session) {
+  report["run"] = run_json(session);
   return report.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";  // names of files may be any bytes
 }
 
@@ -155,15 +150,6 @@ Json warnings_json(std::span<const Warning> warnings) {
   Json list = Json::array();
   for (const Warning& warning : warnings) list.push_back(warning.stage + ": " + warning.text);
   return list;
-}
-
-Status declare(FileSet& files, const Input& input, std::initializer_list<std::filesystem::path> outputs) {
-  for (const auto& path : {input.files.mesh, input.files.rig, input.files.weights})
-    if (Status status = files.reads(path); !status) return status;
-  for (const auto& path : outputs)
-    if (!path.empty())
-      if (Status status = files.writes(path); !status) return status;
-  return {};
 }
 
 void add_force(CLI::App& verb, bool& force) {

@@ -6,6 +6,7 @@
 
 #include <CLI/CLI.hpp>
 #include "io/json.hpp"
+#include "quadrig/gltf/surface.hpp"
 #include "quadrig/io.hpp"
 
 namespace quadrig::cli {
@@ -18,6 +19,8 @@ struct Session {
   unsigned threads = 0;
   double memory_megabytes = 0;  ///< 0: not given
   Context context;
+  std::vector<std::string> arguments;  ///< of the command line, with its name first
+  Stopwatch watch;                     ///< since the process began
   /// Done, but for parts that failed and stay as they were: an exit code of its own.
   bool in_part = false;
   /// The exit code once the files are in place, whatever fails then; below 0 before.
@@ -42,6 +45,8 @@ struct Session {
 /// Makes allocations fail beyond that, where the system can.
 void limit_memory(double bytes);
 
+/// Where the last verb's --report goes; empty where it has none.
+[[nodiscard]] std::filesystem::path report_path(const CLI::App& app);
 /// What main runs after the options are parsed: set by the verb that was named.
 using Run = std::function<Status(Session&)>;
 
@@ -51,21 +56,35 @@ void add_stats(CLI::App& app, Run& run);
 void add_dominance(CLI::App& app, Run& run);
 void add_field(CLI::App& app, Run& run);
 void add_remesh(CLI::App& app, Run& run);
+void add_bind(CLI::App& app, Run& run);
+void add_pose(CLI::App& app, Run& run);
+
+/// By the extension, or by how it begins: "glTF" is a binary one whatever its name.
+[[nodiscard]] bool is_gltf(const std::filesystem::path& path);
+inline constexpr const char* all_formats = ".obj, .off, .ply or .stl, or a glTF file: .glb, .gltf or .vrm";
 
 /// MESH, --rig, --weights and what the door does to them.
 struct Input {
   AssetFiles files;
   LoadOptions load;
-  double quads = 0;  ///< to be made of it
+  GltfSelection selection;  ///< of a glTF file
+  bool clips = false;       ///< of a glTF file: sample them
+  double quads = 0;         ///< to be made of it
 };
-void add_input(CLI::App& verb, Input& input, const std::string& formats = ".obj, .off, .ply or .stl");
-/// Loads the asset. \fails as load_asset
-[[nodiscard]] Expected<LoadedAsset> load(const Input& input, Session& session);
+void add_input(CLI::App& verb, Input& input, const std::string& formats = all_formats);
+void add_selection(CLI::App& verb, GltfSelection& selection,
+                   const std::string& text = "Of a glTF file: the mesh, node, material or skin; may be repeated",
+                   const std::string& group = {});
+/// Loads the asset; of a glTF file the largest surface chosen, and the files that it names are declared as inputs.
+/// \fails as load_asset, gltf_surfaces and FileSet::reads
+[[nodiscard]] Expected<LoadedAsset> load(const Input& input, FileSet& files, Session& session);
 
 /// The head of every report: version, verb and input with its repairs.
 [[nodiscard]] Json report_head(std::string_view verb, const Input& input, const LoadedAsset& loaded);
-/// What is written and printed of a report.
-[[nodiscard]] std::string report_text(const Json& report);
+/// What is written and printed of a report: it, and `run`, what ran and what it took so far.
+[[nodiscard]] std::string report_text(Json report, const Session& session);
+/// What is written at the place of the report where the run ends by an error.
+[[nodiscard]] std::string failure_text(const Error& error, int exit_code, const Session& session);
 [[nodiscard]] Json warnings_json(std::span<const Warning> warnings);
 
 /// Declares the files of the input and those outputs that have a name. \fails as FileSet::writes

@@ -10,7 +10,7 @@ namespace {
 
 struct DominanceCommand {
   Input input;
-  std::filesystem::path output, report;
+  std::filesystem::path output, omegas, report;
 };
 
 /// Colours that neighbouring numbers do not share: hues a golden angle apart.
@@ -49,14 +49,26 @@ std::string coloured_ply(const TriangleMesh<double>& mesh, const Rig& rig, const
   return text;
 }
 
+/// One row a face, column k - 1 its omega_k.
+Eigen::MatrixXd omegas(const Dominance& dominance, Index faces, std::size_t most) {
+  Eigen::MatrixXd rows(faces, static_cast<Eigen::Index>(most));
+  for (Index f = 0; f < faces; ++f)
+    for (std::size_t k = 1; k <= most; ++k) rows(f, static_cast<Eigen::Index>(k) - 1) = dominance.omega(f, k);
+  return rows;
+}
+
 Status dominance(const DominanceCommand& options, Session& session) {
   FileSet files;
-  if (Status status = declare(files, options.input, {options.output, options.report}); !status) return status;
+  if (Status status = declare(files, options.input, {options.output, options.omegas, options.report}); !status)
+    return status;
   if (!options.output.empty() && options.output.extension() != ".ply")
     return Error{ErrorCode::bad_option, "coloured surfaces are written as PLY alone", options.output.string(),
                  "name a .ply file"};
-  const Expected<LoadedAsset> loaded = load(options.input, session);
+  const Expected<LoadedAsset> loaded = load(options.input, files, session);
   if (!loaded) return loaded.error();
+  if (!loaded->asset.rig)
+    return Error{ErrorCode::bad_input, "has no bones", options.input.files.mesh.string(),
+                 is_gltf(options.input.files.mesh) ? "select a mesh that a skin moves" : "give --rig and --weights"};
   const TriangleMesh<double>& mesh = loaded->asset.mesh;
   const Rig& rig = *loaded->asset.rig;
   const Expected<Dominance> made = Dominance::create(mesh, rig);
@@ -92,8 +104,11 @@ Status dominance(const DominanceCommand& options, Session& session) {
 
   if (!options.output.empty())
     if (Status status = files.add(options.output, coloured_ply(mesh, rig, *made)); !status) return status;
+  if (!options.omegas.empty())
+    if (Status status = files.add(options.omegas, dmat_text(omegas(*made, mesh.face_count(), most))); !status)
+      return status;
   if (!options.report.empty())
-    if (Status status = files.add(options.report, report_text(report)); !status) return status;
+    if (Status status = files.add(options.report, report_text(report, session)); !status) return status;
   if (Status status = session.commit(files); !status) return status;
   session.say(text);
   return {};
@@ -105,12 +120,15 @@ void add_dominance(CLI::App& app, Run& run) {
   auto options = std::make_shared<DominanceCommand>();
   CLI::App* verb = app.add_subcommand("dominance", "Where one bone rules the surface and where bones blend");
   add_input(*verb, options->input);
-  verb->get_option("--rig")->required();
+  add_selection(*verb, options->input.selection);
   verb->add_option("-o,--output", options->output, "Write the surface coloured by bone: .ply")->type_name("OUT.ply");
+  verb->add_option("--omegas", options->omegas, "Write omega_1, omega_2 ... of each face, a column each: .dmat")
+      ->type_name("OUT.dmat");
   verb->add_option("--report", options->report, "Write the figures as JSON")->type_name("FILE");
   verb->footer(R"(Examples:
   quadrig dominance arm.obj --rig arm.tgf --weights arm.dmat
-  quadrig dominance arm.obj --rig arm.tgf --weights arm.dmat -o coloured.ply)");
+  quadrig dominance arm.obj --rig arm.tgf --weights arm.dmat -o coloured.ply
+  quadrig dominance knight.glb -o coloured.ply --omegas omegas.dmat)");
   verb->fallthrough();
   verb->callback([options, &run] { run = [options](Session& session) { return dominance(*options, session); }; });
 }

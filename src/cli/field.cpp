@@ -2,6 +2,7 @@
 #include "quadrig/field.hpp"
 
 #include <charconv>
+#include <map>
 
 #include "command.hpp"
 
@@ -50,6 +51,23 @@ std::string crosses(const TriangleMesh<double>& mesh, const Connection<double>& 
   return text + lines;
 }
 
+/// OBJ points: the singular vertices, in a group for each index. They follow two lines a face.
+std::string singular_points(const TriangleMesh<double>& mesh, const Singularities& singularities) {
+  std::map<Index, std::vector<Index>> of_index;
+  for (Index v = 0; v < mesh.vertex_count(); ++v)
+    if (const Index index = singularities.index4[static_cast<std::size_t>(v)]; index != 0) of_index[index].push_back(v);
+  std::string text;
+  Index number = 4 * mesh.face_count();
+  for (const auto& [index, vertices] : of_index) {
+    text += "g singular_" + std::string(index > 0 ? "plus_" : "minus_") + std::to_string(std::abs(index)) + "\n";
+    for (const Index v : vertices) {
+      append(text += 'v', mesh.position(v));
+      text += "\np " + std::to_string(++number) + "\n";
+    }
+  }
+  return text;
+}
+
 /// The text format of Directional: degree and faces, then the vectors of each face one after another.
 std::string raw_field(const TriangleMesh<double>& mesh, const Connection<double>& connection,
                       const FrameField& frames) {
@@ -73,7 +91,7 @@ Status field(const FieldCommand& options, Session& session) {
                  "name an .obj (lines to look at) or a .rawfield (vectors, as Directional reads them)"};
   const Expected<FieldPreset> preset = field_preset(options.preset);
   if (!preset) return preset.error();
-  const Expected<LoadedAsset> loaded = load(options.input, session);
+  const Expected<LoadedAsset> loaded = load(options.input, files, session);
   if (!loaded) return loaded.error();
   const TriangleMesh<double>& mesh = loaded->asset.mesh;
   const Connection<double> connection(mesh);
@@ -119,15 +137,23 @@ Status field(const FieldCommand& options, Session& session) {
                        {"factorization", r.solve.factorization_seconds},
                        {"solve", r.solve.solve_seconds},
                        {"total", r.seconds}};
+  report["singular_vertices"] = Json::array();
+  for (Index v = 0; v < mesh.vertex_count(); ++v)
+    if (const Index index = result->singularities.index4[static_cast<std::size_t>(v)]; index != 0) {
+      const Vector3 p = mesh.position(v);
+      // Corners of the border too: there the index counts from the straight border.
+      report["singular_vertices"].push_back({{"place", {p[0], p[1], p[2]}}, {"quarter_turns", index}});
+    }
   report["warnings"] = warnings_json(session.context.warnings);
 
   if (!options.output.empty()) {
     const std::string text =
-        extension == ".obj" ? crosses(mesh, connection, result->frames) : raw_field(mesh, connection, result->frames);
+        extension == ".obj" ? crosses(mesh, connection, result->frames) + singular_points(mesh, result->singularities)
+                            : raw_field(mesh, connection, result->frames);
     if (Status status = files.add(options.output, text); !status) return status;
   }
   if (!options.report.empty())
-    if (Status status = files.add(options.report, report_text(report)); !status) return status;
+    if (Status status = files.add(options.report, report_text(report, session)); !status) return status;
   if (Status status = session.commit(files); !status) return status;
   std::string line = std::to_string(r.singularities_plus + r.singularities_minus) + " singularities (" +
                      std::to_string(r.singularities_plus) + " of valence below 4, " +
@@ -144,6 +170,7 @@ void add_field(CLI::App& app, Run& run) {
   auto options = std::make_shared<FieldCommand>();
   CLI::App* verb = app.add_subcommand("field", "Design the directions alone: a cross a face");
   add_input(*verb, options->input);
+  add_selection(*verb, options->input.selection);
   verb->add_option("--preset", options->preset,
                    "default: the rig's, at any resolution; thesis: its exact energy; "
                    "static: no rig, along the curvature")

@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <exception>
+#include <fstream>
 #include <new>
 
 #include "command.hpp"
@@ -86,12 +87,14 @@ constexpr const char* examples = R"(Examples:
       counts, shapes, and the distance to the surface they stand for
   quadrig field arm.obj --rig arm.tgf --weights arm.dmat -o crosses.obj
       the directions alone
+  quadrig pose quads.obj --rig arm.tgf --weights quads.dmat --bone bone1 --axis z --angle 60 -o bent.obj
+      the quads bent, to look at
 
 Exit codes: 0 done, 1 internal error, 2 bad option, 3 file not readable or writable, 4 unusable input,
 5 not supported, 6 numeric failure, 7 a stage found no valid result, 8 cancelled, 9 done, but parts of a glTF
 file stay as they were or stray too far, or its count is missed, 10 out of memory or above --memory,
 12 above --time-limit.
-Nothing is written unless everything is.)";
+Nothing is written unless everything is, but for a report of the error where --report asks for one.)";
 
 /// Names like those that were given and do not exist: options of the verb, or verbs. Empty where there are none.
 std::string meant(CLI::App& app, int argc, char** argv) {
@@ -138,6 +141,21 @@ std::pair<quadrig::Status, quadrig::Status> run_verb(const quadrig::cli::Run& ve
   return {status, files.commit()};
 }
 
+/// Where a report was asked for, it tells of the failure. Nothing is replaced by it but a report: the run may have
+/// failed before it was known which files are inputs.
+void report_failure(const std::filesystem::path& path, const std::string& text) {
+  constexpr std::string_view begins = "{\n  \"quadrig\": ";
+  if (path.empty()) return;
+  std::error_code ignored;
+  if (std::filesystem::exists(std::filesystem::symlink_status(path, ignored))) {
+    if (!std::filesystem::is_regular_file(path, ignored)) return;
+    char there[begins.size()] = {};
+    std::ifstream file(path, std::ios::binary);
+    if (!file.read(there, begins.size()) || std::string_view(there, begins.size()) != begins) return;
+  }
+  (void)quadrig::write_file(path, text);  // the failure itself is told already
+}
+
 int run(int argc, char** argv) {
   using namespace quadrig;
   CLI::App app("Rigged triangle meshes to animation-ready quads.", "quadrig");
@@ -147,6 +165,7 @@ int run(int argc, char** argv) {
   app.set_version_flag("--version", cli::version_text());
   cli::Session session;
   session.done = &done;
+  session.arguments.assign(argv, argv + argc);
   auto* quiet = app.add_flag("-q,--quiet", session.quiet, "Say nothing but errors");
   app.add_flag("-v,--verbose", session.verbose, "Say what each stage found too")->excludes(quiet);
   app.add_option("--threads", session.threads, "Most threads used; 0: all the machine has. Results do not depend on it")
@@ -169,6 +188,8 @@ int run(int argc, char** argv) {
   cli::add_field(app, verb);
   cli::add_dominance(app, verb);
   cli::add_stats(app, verb);
+  cli::add_pose(app, verb);
+  cli::add_bind(app, verb);
   cli::add_copy(app, verb);
   cli::add_sample(app, verb);
   try {
@@ -199,12 +220,17 @@ int run(int argc, char** argv) {
       std::fprintf(stderr, "quadrig: warning: %s\n", printed.error().message().c_str());
     return session.in_part ? 9 : 0;
   }
-  if (expired && status.error().code == ErrorCode::cancelled) {
-    std::fputs("quadrig: the time limit is over; raise --time-limit\n", stderr);
-    return cli::time_limit_exit_code;
+  Error error = status.error();
+  int code = cli::exit_code(error.code);
+  if (expired && error.code == ErrorCode::cancelled) {
+    error = {ErrorCode::cancelled, "the time limit is over", "", "raise --time-limit"};
+    code = cli::time_limit_exit_code;
   }
-  std::fprintf(stderr, "quadrig: %s\n", status.error().message().c_str());
-  return cli::exit_code(status.error().code);
+  std::fprintf(stderr, "quadrig: %s\n", error.message().c_str());
+  const bool stopped = error.code == ErrorCode::cancelled && !expired;  // by the user, who asked for no more
+  if (error.code != ErrorCode::bad_option && !stopped)
+    report_failure(cli::report_path(app), cli::failure_text(error, code, session));
+  return code;
 }
 
 }  // namespace

@@ -297,7 +297,7 @@ Status remesh_files(RemeshCommand options, Session& session) {
   if (!options.guides.empty())
     if (Status status = files.reads(options.guides); !status) return status;
   const Stopwatch watch;
-  const Expected<LoadedAsset> loaded = load(input, session);
+  const Expected<LoadedAsset> loaded = load(input, files, session);
   if (!loaded) return loaded.error();
   const double read_seconds = watch.seconds();
   options.remesh.features = loaded->features;
@@ -327,7 +327,7 @@ Status remesh_files(RemeshCommand options, Session& session) {
   }
   if (!options.report.empty()) {
     const Json report = report_json(options, *loaded, r, read_seconds, session.context.warnings);
-    if (Status status = files.add(options.report, report_text(report)); !status) return status;
+    if (Status status = files.add(options.report, report_text(report, session)); !status) return status;
   }
   if (Status status = session.commit(files); !status) return status;
   const double off = std::abs(static_cast<double>(r.quads) / options.remesh.quads - 1);

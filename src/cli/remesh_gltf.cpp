@@ -1,7 +1,6 @@
 // quadrig remesh of a glTF file: its surfaces become quads, all else stays.
 #include "remesh_gltf.hpp"
 
-#include <fstream>
 #include <numeric>
 
 namespace quadrig::cli {
@@ -148,17 +147,6 @@ QuadMesh joined(std::span<const GltfRemeshed> all) {
   return mesh;
 }
 
-}  // namespace
-
-bool is_gltf(const std::filesystem::path& path) {
-  if (gltf_container(path)) return true;
-  char magic[4] = {};
-  std::ifstream file(path, std::ios::binary);
-  return file.read(magic, 4) && std::string_view(magic, 4) == "glTF";
-}
-
-namespace {
-
 /// One level of detail: adds its outputs to `files` and its line for people to `lines`.
 /// \param triangles of the level before where that was to have no fewer quads, else 0; then those of this one
 Status add_level(const GltfJob& job, const GltfDocument& input, double read_seconds,
@@ -195,7 +183,7 @@ Status add_level(const GltfJob& job, const GltfDocument& input, double read_seco
     add_remesh_figures(report, sum, read_seconds, warnings);
     report["triangles"] = triangles;
     report["surfaces"] = surfaces_json(*all);
-    if (Status status = files.add(job.report, report_text(report)); !status) return status;
+    if (Status status = files.add(job.report, report_text(report, session)); !status) return status;
   }
   Index left = 0, strayed = 0;
   const GltfShell* farthest = nullptr;

@@ -15,8 +15,6 @@ struct GltfJob {
   Json options_json;
 };
 
-/// By the extension, or by how it begins: "glTF" is a binary one whatever its name.
-[[nodiscard]] bool is_gltf(const std::filesystem::path& path);
 /// Several counts: each level is a file of its own, `_LOD0` and so on before the extension of every output's name.
 [[nodiscard]] Status remesh_gltf_file(const GltfJob& job, Session& session);
 

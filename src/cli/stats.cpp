@@ -1,4 +1,6 @@
 // quadrig stats: the figures of polygon meshes.
+#include <map>
+
 #include "quadrig/closest.hpp"
 #include "quadrig/quality.hpp"
 #include "remesh_gltf.hpp"
@@ -9,14 +11,14 @@ namespace {
 struct StatsCommand {
   std::vector<std::filesystem::path> meshes;
   Input input;
-  GltfSelection selection;
   std::filesystem::path report;
   std::string poses = "bends", skinning = "linear";
-  Index frames = 64;
+  std::optional<Index> frames;  ///< poses at most
   Index samples = 40000;
   int subdivide = 0;
   bool own_weights = false;
   bool json = false;
+  std::vector<std::string> least, most;  ///< KEY=VALUE
 };
 
 /// The rules that a mesh can be held against without its input; empty where all hold.
@@ -74,6 +76,60 @@ Expected<Json> guidance_json(const Asset& asset, QuadMesh quads) {
               {"hinge_loops", loops}};
 }
 
+/// KEY=VALUE, the key a figure as the report has it, parts joined by dots.
+struct Gate {
+  std::string key;
+  double bound = 0;
+  bool least = true;
+};
+Expected<std::vector<Gate>> gates_of(const StatsCommand& options) {
+  static const std::map<std::string, std::string> short_names{
+      {"sj", "scaled_jacobian.minimum"},  {"sj_average", "scaled_jacobian.average"},
+      {"farthest", "distance.hausdorff"}, {"rms", "distance.rms"},
+      {"bent", "deformation.all.rms"},    {"joints", "deformation.joints.rms"}};
+  std::vector<Gate> gates;
+  for (const bool least : {true, false})
+    for (const std::string& text : least ? options.least : options.most) {
+      const std::size_t equals = text.find('=');
+      Gate gate{text.substr(0, equals), 0, least};
+      if (equals == std::string::npos || equals == 0 || !CLI::detail::lexical_cast(text.substr(equals + 1), gate.bound))
+        return Error{ErrorCode::bad_option, "is no figure with a bound",
+                     (least ? "--fail-below " : "--fail-above ") + text, "give KEY=VALUE such as sj=0.3"};
+      if (const auto known = short_names.find(gate.key); known != short_names.end()) gate.key = known->second;
+      gates.push_back(std::move(gate));
+    }
+  return gates;
+}
+/// The gates that the figures do not pass, in words. \fails bad_option where there is no such figure
+Expected<std::vector<std::string>> failed_gates(const Json& figures, std::span<const Gate> gates) {
+  std::vector<std::string> failed;
+  for (const Gate& gate : gates) {
+    const Json* value = &figures;
+    for (std::size_t from = 0; value && from <= gate.key.size();) {
+      const std::size_t dot = std::min(gate.key.find('.', from), gate.key.size());
+      const auto found = value->is_object() ? value->find(gate.key.substr(from, dot - from)) : value->end();
+      value = value->is_object() && found != value->end() ? &*found : nullptr;
+      from = dot + 1;
+    }
+    if (!value || !value->is_number())
+      return Error{ErrorCode::bad_option, "is no figure of these meshes", gate.key,
+                   "--json prints all; distances and bending need --input"};
+    const double figure = value->get<double>();
+    if (gate.least ? figure < gate.bound : figure > gate.bound)
+      failed.push_back(gate.key + " " + decimals(figure, 4) + " is " + (gate.least ? "below " : "above ") +
+                       decimals(gate.bound, 4));
+  }
+  return failed;
+}
+
+/// A mesh file, or all that a glTF file draws.
+Expected<PolygonMesh> read_polygons(const std::filesystem::path& path, const FileLimits& limits, Context& context) {
+  if (!is_gltf(path)) return read_surface(path, limits, context);
+  const Expected<GltfDocument> document = GltfDocument::read(path, {}, context);
+  if (!document) return document.error();
+  return gltf_polygons(*document, context);
+}
+
 /// Where the weights of a mesh NAME.obj are: NAME-weights.dmat, or NAME.dmat.
 std::filesystem::path weights_beside(const std::filesystem::path& mesh) {
   std::filesystem::path first = mesh, second = mesh;
@@ -94,7 +150,7 @@ Expected<Json> figures(const std::filesystem::path& path, const StatsCommand& op
     error.where = path.string() + (error.where.empty() ? "" : ", " + error.where);
     return error;
   };
-  Expected<PolygonMesh> mesh = read_surface(path, options.input.load.limits, session.context);
+  Expected<PolygonMesh> mesh = read_polygons(path, options.input.load.limits, session.context);
   if (!mesh) return mesh.error();
   const MeshStatistics s = mesh_statistics(*mesh);
   Json out;
@@ -190,6 +246,8 @@ Expected<Json> figures(const std::filesystem::path& path, const StatsCommand& op
 std::string as_text(const Json& figures) {
   std::string text = figures["mesh"].get<std::string>() + ": " + (figures["valid"].get<bool>() ? "valid" : "not valid");
   for (const Json& rule : figures["broken_rules"]) text += "\n  broken: " + rule.get<std::string>();
+  if (figures.contains("failed"))
+    for (const Json& gate : figures["failed"]) text += "\n  failed: " + gate.get<std::string>();
   const auto number = [](const Json& value) {
     if (!value.is_number_float()) return value.dump();
     char buffer[32];
@@ -200,7 +258,7 @@ std::string as_text(const Json& figures) {
     text += "\n  " + name + std::string(name.size() < 28 ? 28 - name.size() : 1, ' ') + value;
   };
   for (const auto& [key, value] : figures.items()) {
-    if (key == "mesh" || key == "valid" || key == "broken_rules") continue;
+    if (key == "mesh" || key == "valid" || key == "broken_rules" || key == "failed") continue;
     if (!value.is_object()) {
       line(key, number(value));
       continue;
@@ -220,32 +278,6 @@ std::string as_text(const Json& figures) {
   return text;
 }
 
-/// The largest surface of a glTF file, with its rig.
-Expected<LoadedAsset> load_gltf(const StatsCommand& options, FileSet& files, Session& session) {
-  const std::filesystem::path& path = options.input.files.mesh;
-  const Expected<GltfDocument> document = GltfDocument::read(path, {}, session.context);
-  if (!document) return document.error();
-  for (const std::filesystem::path& file : document->named_files())
-    if (Status status = files.reads(file); !status) return status.error();
-  GltfClipOptions clips;
-  clips.enabled = options.poses == "clips";
-  Expected<std::vector<GltfSurface>> surfaces =
-      gltf_surfaces(*document, options.input.load.prepare, clips, session.context, options.selection);
-  if (!surfaces) return surfaces.error();
-  const auto area = [](const GltfSurface& one) {
-    return one.asset.mesh.total_area() * one.world_scale * one.world_scale;
-  };
-  const auto largest = std::max_element(surfaces->begin(), surfaces->end(),
-                                        [&](const auto& a, const auto& b) { return area(a) < area(b); });
-  if (surfaces->size() > 1)
-    session.context.warn("stats", path.string() + " has " + std::to_string(surfaces->size()) + " surfaces: only " +
-                                      largest->label() + " is looked at; --select takes others");
-  LoadedAsset loaded;
-  loaded.asset = std::move(largest->asset);
-  loaded.report = std::move(largest->prepared);
-  return loaded;
-}
-
 /// The poses asked for. \fails bad_option where clips are, and there are none; unsupported where there are too many
 /// bones to bend each, since every bend has a transform of every bone
 Expected<std::vector<Pose>> poses_of(const Rig& rig, const StatsCommand& options) {
@@ -255,8 +287,16 @@ Expected<std::vector<Pose>> poses_of(const Rig& rig, const StatsCommand& options
                  std::to_string(rig.skeleton.bone_count()) + " bones are more than the " + std::to_string(most_bones) +
                      " that are bent one by one",
                  options.input.files.mesh.string(), "measure by clips (--poses clips), or without a rig"};
-  if (options.poses == "bends") return bend_poses(rig.skeleton, 60);
-  std::vector<Pose> poses = clip_poses(rig.clips, options.frames);
+  if (options.poses == "bends") {
+    constexpr Index most_bends = 128;
+    std::vector<Pose> all = bend_poses(rig.skeleton, 60), poses;
+    const auto most = static_cast<std::size_t>(options.frames.value_or(most_bends));
+    if (all.size() <= most) return all;
+    for (std::size_t k = 0; k < most; ++k) poses.push_back(std::move(all[k * all.size() / most]));
+    return poses;
+  }
+  constexpr Index most_frames = 64;
+  std::vector<Pose> poses = clip_poses(rig.clips, options.frames.value_or(most_frames));
   if (poses.empty())
     return Error{ErrorCode::bad_option, "has no clips", options.input.files.mesh.string(), "leave out --poses clips"};
   return poses;
@@ -271,17 +311,17 @@ Status stats(const StatsCommand& options, Session& session) {
       if (Status status = files.reads(weights_beside(path)); !status) return status;
   }
   if (Status status = declare(files, options.input, {options.report}); !status) return status;
-  const AssetFiles& input_files = options.input.files;
-  if (is_gltf(input_files.mesh) && !input_files.rig.empty())
-    return Error{ErrorCode::bad_option, "a glTF file has its rig and weights within", input_files.mesh.string(),
-                 "leave out --rig and --weights"};
-  if (!is_gltf(input_files.mesh) && (options.poses != "bends" || !options.selection.names.empty()))
-    return Error{ErrorCode::bad_option, "--poses and --select are for a glTF input", input_files.mesh.string(),
+  const std::filesystem::path& input_file = options.input.files.mesh;
+  if (!is_gltf(input_file) && (options.poses != "bends" || !options.input.selection.names.empty()))
+    return Error{ErrorCode::bad_option, "--poses and --select are for a glTF input", input_file.string(),
                  "leave them out"};
+  const Expected<std::vector<Gate>> gates = gates_of(options);
+  if (!gates) return gates.error();
   std::vector<Pose> poses;
   if (!options.input.files.mesh.empty()) {
-    Expected<LoadedAsset> loaded =
-        is_gltf(options.input.files.mesh) ? load_gltf(options, files, session) : load(options.input, session);
+    Input wanted = options.input;
+    wanted.clips = options.poses == "clips";
+    Expected<LoadedAsset> loaded = load(wanted, files, session);
     if (!loaded) return loaded.error();
     input = std::move(*loaded);
     if (input->asset.rig) {
@@ -295,6 +335,11 @@ Status stats(const StatsCommand& options, Session& session) {
     session.context.progress(path.filename().string(), static_cast<double>(all.size()) / double(options.meshes.size()));
     Expected<Json> one = figures(path, options, input ? &*input : nullptr, poses, session);
     if (!one) return one.error();
+    if (!(*one)["valid"].get<bool>()) session.in_part = true;
+    const Expected<std::vector<std::string>> failed = failed_gates(*one, *gates);
+    if (!failed) return failed.error();
+    if (!failed->empty()) session.in_part = true;
+    if (!gates->empty()) (*one)["failed"] = *failed;
     all.push_back(std::move(*one));
   }
   Json report;
@@ -304,12 +349,12 @@ Status stats(const StatsCommand& options, Session& session) {
   // The figures first: where they cannot be printed no file is written either.
   session.clear_progress();
   if (options.json)
-    session.print(report_text(report));
+    session.print(report_text(report, session));
   else
     for (const Json& one : all) session.say(as_text(one));
   if (Status status = session.printed(); !status) return status;
   if (!options.report.empty())
-    if (Status status = files.add(options.report, report_text(report)); !status) return status;
+    if (Status status = files.add(options.report, report_text(report, session)); !status) return status;
   if (Status status = session.commit(files); !status) return status;
   return {};
 }
@@ -319,22 +364,22 @@ Status stats(const StatsCommand& options, Session& session) {
 void add_stats(CLI::App& app, Run& run) {
   auto options = std::make_shared<StatsCommand>();
   CLI::App* verb = app.add_subcommand("stats", "Counts, validity, shape, distance and bending of polygon meshes");
-  verb->add_option("MESH", options->meshes, "Meshes: .obj, .off, .ply or .stl")->required()->type_name("");
+  verb->add_option("MESH", options->meshes, "Meshes: .obj, .off, .ply or .stl, or glTF files")
+      ->required()
+      ->type_name("");
   auto* input = verb->add_option("--input", options->input.files.mesh, "The surface that they stand for: distances");
   input->type_name("FILE");
   auto* rig = verb->add_option("--rig", options->input.files.rig, "Its bones: how well the meshes bend");
   auto* weights = verb->add_option("--weights", options->input.files.weights, "Its skin weights");
   rig->type_name("FILE")->needs(input)->needs(weights);
   weights->type_name("FILE")->needs(rig);
-  verb->add_option("--select", options->selection.names, "Of a glTF input: the mesh, node, material or skin")
-      ->allow_extra_args(false)
-      ->type_name("NAME");
+  add_selection(*verb, options->input.selection, "Of a glTF input: the mesh, node, material or skin");
   verb->add_option("--poses", options->poses, "Bend every bone, or of a glTF input sample its own clips")
       ->check(CLI::IsMember({"bends", "clips"}))
       ->option_text("bends|clips = bends");
-  verb->add_option("--frames", options->frames, "Poses of all clips together, at most")
+  verb->add_option("--frames", options->frames,
+                   "Poses at most, evenly among all; 128 bends, or 64 of all clips together")
       ->check(CLI::Range(1, 100'000))
-      ->capture_default_str()
       ->type_name("N");
   verb->add_option("--skinning", options->skinning, "Linear blend, or dual quaternions")
       ->check(CLI::IsMember({"linear", "dual"}))
@@ -352,6 +397,15 @@ void add_stats(CLI::App& app, Run& run) {
       ->check(CLI::Range(100, 10'000'000))
       ->capture_default_str()
       ->type_name("N");
+  verb->add_option("--fail-below", options->least,
+                   "The exit code is 9 where a figure is less: sj=0.3, or its name in the report")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->type_name("KEY=VALUE[,…]");
+  verb->add_option("--fail-above", options->most, "The same where it is more: irregular=50, farthest=0.01, bent=3")
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->type_name("KEY=VALUE[,…]");
   verb->add_option("--report", options->report, "Write the figures as JSON")->type_name("FILE");
   verb->add_flag("--json", options->json, "Print the figures as JSON");
   verb->footer(R"(A mesh is valid where it is of quads alone, manifold and consistently oriented, without degenerate or
@@ -363,7 +417,10 @@ Examples:
   quadrig stats quads.obj
   quadrig stats a.obj b.obj --input arm.obj --rig arm.tgf --weights arm.dmat
   quadrig stats knight-quads.obj --input knight.glb --poses clips
-  quadrig stats quads.obj --json)");
+  quadrig stats quads.glb --fail-below sj=0.3 --fail-above irregular=50
+  quadrig stats quads.obj --json
+
+The exit code is 9 where a mesh is not valid, or fails a figure asked for.)");
   verb->fallthrough();
   verb->callback([options, &run] { run = [options](Session& session) { return stats(*options, session); }; });
 }

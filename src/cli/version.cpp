@@ -6,9 +6,9 @@
 
 namespace quadrig::cli {
 
-std::string version_text() {
-  std::string text = "quadrig " QUADRIG_VERSION;
-  if (const std::string commit = QUADRIG_COMMIT; !commit.empty()) text += "\ncommit " + commit;
+std::vector<std::string> version_lines() {
+  std::vector<std::string> lines{"quadrig " QUADRIG_VERSION};
+  if (const std::string commit = QUADRIG_COMMIT; !commit.empty()) lines.push_back("commit " + commit);
   const std::string decoders = QUADRIG_DECODERS;
   std::string with, without;
   const auto part = [&](const char* name, bool built) {
@@ -20,8 +20,14 @@ std::string version_text() {
   part("Draco", decoders.find("draco") != std::string::npos);
   for (const char* backend : {"cholmod-simplicial-lgpl", "cholmod-supernodal-gpl"})
     part(backend, solver_built<double>(backend));
-  if (!with.empty()) text += "\nwith " + with;
-  if (!without.empty()) text += "\nwithout " + without;
+  if (!with.empty()) lines.push_back("with " + with);
+  if (!without.empty()) lines.push_back("without " + without);
+  return lines;
+}
+
+std::string version_text() {
+  std::string text;
+  for (const std::string& line : version_lines()) text += (text.empty() ? "" : "\n") + line;
   return text;
 }
 

@@ -92,6 +92,7 @@ void add_field(Job& job, const Shells& shells, const RemeshResult& result, const
   for (Index q = 0; q < quads.quad_count(); ++q) {
     const Regions::QuadValues values = regions.of_quad(quads, q);
     PrimitiveBuilder& builder = job.builders[at(values.primitive)];
+    builder.needs_normals();
     std::array<Index, 4> corner{};
     for (int i = 0; i < 4; ++i) {  // the first corner is that of the better diagonal: the fit chose it
       const Index v = quads.quads(q, i);
@@ -153,6 +154,7 @@ void add_polygons(Job& job, const Shells& shells, const Shell& shell, bool quads
           {point(polygon.vertex[0]), point(polygon.vertex[1]), point(polygon.vertex[2]), point(polygon.vertex[3])}));
     const bool kept = shell.make == GltfMake::kept;
     const bool has_normals = shells.wedges->normal(polygon.wedge[0], polygon.primitive).has_value();
+    if (!kept || has_normals || normals == GltfNormals::fresh) builder.needs_normals();
     const std::uint64_t apart = flat && !(kept && has_normals) ? ++job.flat_faces : 0;
     const auto vertex = [&](std::size_t i, Index wedge) {
       const Index v = polygon.vertex[i];

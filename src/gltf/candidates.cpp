@@ -270,7 +270,7 @@ Status make_shell(const Gathered& gathered, const Shells& shells, Shell& shell, 
   const bool field = wants_field(shell, options);
   const SpanTimer span(context, "shell", std::to_string(shell.own()) + " triangles, due " + std::to_string(shell.due));
   if (competition || !field) shell.polygons = competition ? paired(mesh.positions(), triangles, order) : triangles;
-  if (!field && (!competition || shell.due > shell.own() - 0.5)) return {};
+  if (!field && (!competition || due_its_own(shell))) return {};
 
   const ShellPoses poses(gathered, shells, shell);
   Measure measure(as_triangles(triangles), poses.points());

@@ -143,8 +143,12 @@ Json PrimitiveBuilder::write(State& state, const Json& old, const Gathered& gath
   LocalJson attributes = Json::object();
   attributes["POSITION"] =
       append_floats(state, count, 3, true, [&](std::size_t v, Eigen::Index k) { return vertices_[v].position[k]; });
-  attributes["NORMAL"] =
-      append_floats(state, count, 3, false, [&](std::size_t v, Eigen::Index k) { return vertices_[v].normal[k]; });
+  bool with_normals = needs_normals_ || primitive.tangents;
+  for (const std::size_t a : primitive.attributes)
+    with_normals = with_normals || gathered.attributes[a].name == "NORMAL";  // of morph targets too
+  if (with_normals)
+    attributes["NORMAL"] =
+        append_floats(state, count, 3, false, [&](std::size_t v, Eigen::Index k) { return vertices_[v].normal[k]; });
   if (primitive.tangents)
     attributes["TANGENT"] =
         append_floats(state, count, 4, false, [&](std::size_t v, Eigen::Index k) { return vertices_[v].tangent[k]; });
@@ -209,6 +213,8 @@ Json PrimitiveBuilder::write(State& state, const Json& old, const Gathered& gath
   replace(result["attributes"], std::move(attributes));
   result["indices"] = append_accessor(state, made);
   if (member(result, "mode")) result["mode"] = 4;
+  Json& extras = result["extras"];
+  if (extras.is_null() || extras.is_object()) extras[quads_mark] = quads_;
   if (const Json* extensions = member(result, "extensions"); extensions && member(*extensions, draco_name)) {
     dismantle(result["extensions"][draco_name]);
     result["extensions"].erase(draco_name);

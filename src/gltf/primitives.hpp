@@ -32,6 +32,8 @@ class PrimitiveBuilder {
     triangle(second[0], second[1], second[2]);
     ++quads_;
   }
+  /// Without it no normals are written: as in the file's own triangles that have none, which are drawn flat.
+  void needs_normals() { needs_normals_ = true; }
   /// Tangents of all vertices and of morph targets that have some; a vertex with several is made several.
   void make_tangents(const Gathered& gathered, const Primitive& primitive);
 
@@ -49,6 +51,7 @@ class PrimitiveBuilder {
   std::vector<Vertex> vertices_;
   std::vector<Index> indices_;
   Index quads_ = 0;
+  bool needs_normals_ = false;
   std::unordered_map<std::uint64_t, Index> known_;
 };
 

@@ -18,6 +18,8 @@ struct DracoMesh {
 /// \fails bad_input; unsupported in a build without Draco
 [[nodiscard]] Expected<DracoMesh> read_draco(State& state, const Json& extension, const std::string& where,
                                              Budget& budget);
+/// In the extras of a primitive: how many quads its first triangles are the halves of.
+inline constexpr const char* quads_mark = "quads";
 inline constexpr const char* draco_name = "KHR_draco_mesh_compression";
 
 /// How many triangles a list of corners makes, and which: mode 4 triangles, 5 strip, 6 fan.

@@ -181,6 +181,16 @@ void write_back(State& state, const Job& job, GltfRemeshed& done, bool source_ma
   }
 }
 
+/// Names quadrig before what made the file, once.
+void sign(State& state) {
+  constexpr std::string_view name = "quadrig " QUADRIG_VERSION;
+  Json& asset = state.json["asset"];
+  if (!asset.is_object()) return;
+  Json& generator = asset["generator"];
+  const std::string before = generator.is_string() ? generator.get<std::string>() : std::string();
+  if (!before.starts_with("quadrig ")) generator = std::string(name) + (before.empty() ? "" : "; " + before);
+}
+
 /// Takes an extension of primitives off the lists of the file where no primitive has it any more.
 void drop_unused_extension(State& state, const char* name) {
   for (const Json& mesh : array_of(state.json, "meshes"))
@@ -378,6 +388,7 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
           gltf::join_roots(state, *tree, at(gathered_one.surface.skin));
     all[s].surface = std::move(jobs[s].gathered.surface);
   }
+  gltf::sign(state);
   gltf::drop_unused_extension(state, gltf::draco_name);
   gltf::reuse_accessors(state, first_new, before);
   gltf::drop_unused_bytes(state, first_view, views_before);

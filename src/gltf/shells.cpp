@@ -153,7 +153,12 @@ void join_twins(const Gathered& gathered, Shells& shells, const GltfRemeshOption
 bool wants_field(const Shell& shell, const GltfRemeshOptions& options) {
   if (shell.alone) return true;
   if (options.topology == GltfTopology::field) return shell.due >= 2 * options.least_shell_quads;
-  return shell.due > shell.own() || (shell.due < 0.97 * shell.own() && shell.due >= 2 * options.least_field_quads);
+  return shell.due > shell.own() || (!due_its_own(shell) && shell.due >= 2 * options.least_field_quads);
+}
+
+bool due_its_own(const Shell& shell) {
+  constexpr double nearly = 0.97;  // a few triangles fewer are not worth another surface
+  return shell.due > std::min(nearly * shell.own(), shell.own() - 0.5);
 }
 
 std::string shell_label(const Gathered& gathered, const Shells& shells, const Shell& shell) {

@@ -71,6 +71,8 @@ void join_twins(const Gathered& gathered, Shells& shells, const GltfRemeshOption
 
 /// Whether what a shell is due is enough for a field to be laid on it.
 [[nodiscard]] bool wants_field(const Shell& shell, const GltfRemeshOptions& options);
+/// Whether it is due as many triangles as it has, or nearly: then it keeps them where candidates compete.
+[[nodiscard]] bool due_its_own(const Shell& shell);
 
 /// Makes the candidates for a shell, holds each against the shell and keeps the best.
 /// \fails bad_option, cancelled; under strict as remesh

@@ -37,6 +37,10 @@ Status read_vertices(State& state, const Json& primitive, const std::string& whe
     const auto own = triangle_of(reader->mode(), list, static_cast<std::size_t>(t));
     for (int i = 0; i < 3; ++i) out.triangles(t, i) = static_cast<Index>(own[static_cast<std::size_t>(i)]);
   }
+  if (const Json* extras = member(primitive, "extras"))
+    if (const Json* quads = member(*extras, quads_mark))
+      out.quads =
+          static_cast<Index>(std::min(whole(*quads).value_or(0), static_cast<std::size_t>(out.triangles.rows()) / 2));
   const Json* wanted = named_accessor(primitive, name);
   if (!wanted) return {};
   const auto values = reader->values(std::string(name), *wanted, where);
@@ -90,6 +94,38 @@ Expected<std::vector<GltfVertices>> gltf_vertices(const GltfDocument& document, 
     }
   }
   return all;
+}
+
+Expected<PolygonMesh> gltf_polygons(const GltfDocument& document, Context& context) {
+  const Expected<std::vector<GltfVertices>> all = gltf_vertices(document, "POSITION", context);
+  if (!all) return all.error();
+  PolygonMesh mesh;
+  std::map<std::array<double, 3>, Index> known;
+  std::vector<Vector3> positions;
+  for (const GltfVertices& one : *all) {
+    std::vector<Index> number;
+    for (Eigen::Index v = 0; v < one.positions.rows(); ++v) {
+      const Vector3 p = one.positions.row(v).transpose() + Vector3::Zero();  // −0 is 0
+      const auto [place, is_new] = known.try_emplace({p[0], p[1], p[2]}, static_cast<Index>(positions.size()));
+      if (is_new) positions.push_back(p);
+      number.push_back(place->second);
+    }
+    const auto corner = [&](Eigen::Index t, int k) { return number[gltf::at(one.triangles(t, k))]; };
+    for (Eigen::Index t = 0; t < one.triangles.rows(); ++t) {
+      if (t < 2 * one.quads) {
+        mesh.add_polygon(std::array{corner(t, 0), corner(t, 1), corner(t, 2), corner(t + 1, 2)});
+        ++t;
+      } else {
+        mesh.add_polygon(std::array{corner(t, 0), corner(t, 1), corner(t, 2)});
+      }
+    }
+  }
+  if (mesh.polygon_count() == 0)
+    return document.state().bad("meshes", "there are no triangles", "give a file with some");
+  mesh.positions.resize(static_cast<Eigen::Index>(positions.size()), 3);
+  for (std::size_t v = 0; v < positions.size(); ++v)
+    mesh.positions.row(static_cast<Eigen::Index>(v)) = positions[v].transpose();
+  return mesh;
 }
 
 }  // namespace quadrig

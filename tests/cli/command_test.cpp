@@ -180,7 +180,7 @@ TEST_CASE("command: stats tell a sound quad mesh from one that is not", "[cli][f
   REQUIRE(distance != std::string::npos);
   CHECK(std::stod(sound.output.substr(distance + 13)) < 1e-12);
   const CommandResult bad = run_quadrig(folder, "stats twisted.obj");
-  CHECK(bad.exit_code == 0);
+  CHECK(bad.exit_code == 9);
   CHECK(has(bad.output, "twisted.obj: not valid"));
   CHECK(has(bad.output, "scaled Jacobian 0 or less"));
 }

@@ -62,6 +62,7 @@ struct GltfVertices {
   Points<double> positions;                     ///< n×3
   Triangles triangles;                          ///< strips and fans as triangles
   Eigen::MatrixXd values;                       ///< n×k; without rows where the primitive has not this attribute
+  Index quads = 0;  ///< that the first triangles are the halves of, in pairs: as remesh_gltf marks them (docs/gltf.md)
 };
 
 /// Triangles of all primitives of all meshes, counted by what the JSON announces. \cost O(primitives)
@@ -72,5 +73,9 @@ struct GltfVertices {
 /// \fails bad_input, unsupported as gltf_surfaces
 [[nodiscard]] Expected<std::vector<GltfVertices>> gltf_vertices(const GltfDocument& document, std::string_view name,
                                                                 Context& context);
+
+/// The triangles of all primitives of all meshes, each mesh in its own space, as polygons: those that are marked as the
+/// halves of quads are quads. Vertices at one position are one. \fails as gltf_vertices; bad_input where there are no triangles
+[[nodiscard]] Expected<PolygonMesh> gltf_polygons(const GltfDocument& document, Context& context);
 
 }  // namespace quadrig

@@ -201,6 +201,7 @@ class ComponentRemesher {
       }
       piece = *stand_in_;
       if (!attempt.keeps_features) piece.kept.clear();
+      release_small_patches(piece.asset.mesh, edge_, piece.kept);
       release_acute(piece.asset.mesh, acute_reach * edge_, piece.kept);
       return piece;
     }
@@ -212,6 +213,7 @@ class ComponentRemesher {
         static_cast<Index>(base + std::min({a_quad * quads_, std::max(many_base, many * quads_), most_of_all}));
     if (Status status = refine_piece(piece, attempt.longest_edge * edge_, most, context_); !status.ok())
       return failed(status.error().message());
+    release_small_patches(piece.asset.mesh, edge_, piece.kept);
     release_acute(piece.asset.mesh, acute_reach * edge_, piece.kept);
     for (std::optional<Refinement> freed; (freed = border_freed(piece.asset.mesh, piece.kept));) {
       replace_mesh(piece, std::move(*freed));

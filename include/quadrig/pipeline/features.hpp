@@ -1,6 +1,8 @@
 // Edges that quads must keep: creases, the caller's edges, and borders of vertex groups.
 #pragma once
 
+#include <map>
+
 #include "quadrig/constraints/features.hpp"
 #include "quadrig/pipeline.hpp"
 #include "quadrig/pipeline/piece.hpp"
@@ -161,7 +163,7 @@ inline void keep_group_borders(Piece& piece, double least_length) {
 }
 
 /// Unmarks both sides of sectors between kept edges, or these and the border, that are too acute for the corner of a
-/// quad, from their tip as far as `reach`. \cost O(m)
+/// quad, from their tip as far as `reach`, an edge of a quad, and on to where they are half of it apart. \cost O(m)
 inline void release_acute(const TriangleMesh<double>& mesh, double reach, EdgeMarks& kept) {
   constexpr double least_radians = 40 * std::numbers::pi / 180;
   if (kept.empty()) return;
@@ -170,7 +172,8 @@ inline void release_acute(const TriangleMesh<double>& mesh, double reach, EdgeMa
     const Vector3 u = mesh.edge_vector(h), w = -mesh.edge_vector(mesh.next(mesh.next(h)));
     return std::atan2(u.cross(w).norm(), u.dot(w));
   };
-  std::vector<Index> leaving;  // kept half-edges away from tips
+  constexpr double room = 0.5;                    // edges of quads that lines must be apart where they end
+  std::vector<std::pair<Index, double>> leaving;  // kept half-edges away from tips, and how far they are let go
   for (Index h = 0; h < mesh.halfedge_count(); ++h) {
     if (!line(h)) continue;
     // Around the origin from h to the next line.
@@ -183,12 +186,13 @@ inline void release_acute(const TriangleMesh<double>& mesh, double reach, EdgeMa
       g = mesh.twin(g);
     } while (sector < least_radians);
     if (!(sector < least_radians) || !line(g)) continue;
-    if (kept[at(h)]) leaving.push_back(h);
-    if (mesh.twin(g) != no_index) leaving.push_back(mesh.twin(g));
+    const double far = reach * std::max(1.0, room / std::max(sector, 1e-3));
+    if (kept[at(h)]) leaving.emplace_back(h, far);
+    if (mesh.twin(g) != no_index) leaving.emplace_back(mesh.twin(g), far);
   }
   const EdgeMarks before = kept;
-  for (const Index first : leaving) {
-    double left = reach;
+  for (const auto& [first, far] : leaving) {
+    double left = far;
     for (Index h = first; left > 0 && before[at(h)];) {
       kept[at(h)] = kept[at(mesh.twin(h))] = 0;
       left -= mesh.edge_vector(h).norm();
@@ -202,6 +206,47 @@ inline void release_acute(const TriangleMesh<double>& mesh, double reach, EdgeMa
       if (count != 1 || g == no_index) break;
       h = onward;
     }
+  }
+}
+
+/// What kept edges enclose that is smaller than half a quad has no room for one: it is joined to the patch against
+/// which it bends least, whose edges with it are let go. \param edge of a quad \cost O(m) for each round of joins
+inline void release_small_patches(const TriangleMesh<double>& mesh, double edge, EdgeMarks& kept) {
+  constexpr double room = 0.5;
+  constexpr int rounds = 16;  // patches of patches of patches
+  if (kept.empty()) return;
+  DisjointSets patches(at(mesh.face_count()));
+  for (Index h = 0; h < mesh.halfedge_count(); ++h)
+    if (const Index g = mesh.twin(h); g != no_index && !kept[at(h)]) patches.join(h / 3, g / 3);
+  for (int round = 0; round < rounds; ++round) {
+    std::vector<double> area(at(mesh.face_count()), 0.0);
+    for (Index f = 0; f < mesh.face_count(); ++f) area[at(patches.find(f))] += mesh.area(f);
+    struct Bend {
+      double turned = 0, length = 0;
+    };
+    std::map<std::pair<Index, Index>, Bend> between;  // a small patch and another
+    for (Index h = 0; h < mesh.halfedge_count(); ++h) {
+      if (!kept[at(h)] || mesh.twin(h) == no_index) continue;
+      const Index own = patches.find(h / 3), other = patches.find(mesh.twin(h) / 3);
+      if (own == other || !(area[at(own)] < room * edge * edge)) continue;
+      Bend& bend = between[{own, other}];
+      bend.turned += mesh.edge_vector(h).norm() * dihedral_angle(mesh, h);
+      bend.length += mesh.edge_vector(h).norm();
+    }
+    if (between.empty()) return;
+    std::map<Index, std::pair<double, Index>> least;  // of each small patch: mean bend, other patch
+    for (const auto& [pair, bend] : between) {
+      const double mean = bend.length > 0 ? bend.turned / bend.length : 0;
+      const auto [place, is_new] = least.try_emplace(pair.first, mean, pair.second);
+      if (!is_new) place->second = std::min(place->second, std::pair{mean, pair.second});
+    }
+    std::vector<Index> before;
+    for (Index f = 0; f < mesh.face_count(); ++f) before.push_back(patches.find(f));
+    for (const auto& [small, join] : least) patches.join(small, join.second);
+    for (Index h = 0; h < mesh.halfedge_count(); ++h)  // creases that fade out within a patch stay
+      if (const Index g = mesh.twin(h);
+          g != no_index && before[at(h / 3)] != before[at(g / 3)] && patches.find(h / 3) == patches.find(g / 3))
+        kept[at(h)] = 0;
   }
 }
 

@@ -8,6 +8,7 @@
 #include "quadrig/pipeline/features.hpp"
 #include "quadrig/pipeline/guides.hpp"
 #include "quadrig/pipeline/halves.hpp"
+#include "quadrig/pipeline/hinge_bands.hpp"
 #include "quadrig/pipeline/mapped_quads.hpp"
 #include "quadrig/pipeline/shares.hpp"
 #include "quadrig/quads/topology.hpp"
@@ -175,10 +176,23 @@ class Remesher {
 
   [[nodiscard]] bool sized() const { return sizing_.density != DensitySource::field || !sizing_.own_density.empty(); }
 
+  /// Edge of the quads along a loop.
+  [[nodiscard]] double edge_along(const FaceLoop& loop) const {
+    const double mean = std::sqrt(mesh_.total_area() / options_.quads);
+    if (!sized()) return mean;
+    double density = 0;
+    for (const Index h : loop.crossed) density += sizes_.density[at(TriangleMesh<double>::face_of(h))];
+    return mean / std::sqrt(density / static_cast<double>(loop.crossed.size()));
+  }
+
+  /// What pulls at directions beside bones and curvature: hinges, then guides, then the caller; later ones count.
   [[nodiscard]] OwnDirections own_directions() const {
     OwnDirections own;
     std::vector<FaceDirection> all;
     const auto& plane = quads_.report.symmetry.plane;
+    if (asset_.rig && options_.preset == FieldPreset::standard)
+      pull_along_hinges(
+          mesh_, *asset_.rig, options_.loops, [&](const FaceLoop& loop) { return edge_along(loop); }, all);
     pull_along_guides(mesh_, options_.guides, plane ? &*plane : nullptr, all);
     all.insert(all.end(), options_.directions.own.begin(), options_.directions.own.end());
     if (all.empty()) return own;
@@ -235,6 +249,14 @@ class Remesher {
     }
     for (std::size_t f = 0; f < factors.size(); ++f) sizes_.density[f] *= factors[f];
   }
+  /// Where the caller asks for loops at a joint by its name, its bend gets the rows that they need.
+  void make_room_for_loops() {
+    if (!asset_.rig || options_.preset != FieldPreset::standard || options_.loops.of_joints.empty()) return;
+    const std::vector<Index> wanted = named_loops(
+        asset_.rig->skeleton, options_.loops, quads_.report.symmetry.plane ? &*quads_.report.symmetry.plane : nullptr);
+    for (const Hinge& hinge : find_hinges(mesh_, *asset_.rig))
+      densify_bend(mesh_, hinge, wanted[at(hinge.bone)], edge_along(hinge.loop), sizes_.density);
+  }
   /// Of values a vertex the mean of the corners; 1 where there are none.
   [[nodiscard]] std::vector<double> on_faces(const std::vector<double>& of_vertex) const {
     std::vector<double> result(at(mesh_.face_count()), of_vertex.empty() ? 1.0 : 0.0);
@@ -266,6 +288,7 @@ class Remesher {
     sizes_.largest_aspect = sizing_.largest_aspect;
     sizes_.density = wanted_density(omega1);
     multiply_density();
+    if (sized()) make_room_for_loops();
     if (context_.cancelled()) return cancelled_error("remesh");
     if (sized() && (sizing_.density != DensitySource::uniform || !sizing_.own_density.empty() || by_hand()))
       sizes_.density = graded_density(mesh_, sizes_.density, options_.quads, sizing_.gradation, context_);

@@ -21,6 +21,7 @@ inline constexpr double least_quads = 6, least_of_sheet = 1;
   std::vector<double> due(share.size());
   double left = quads, rest = 0;
   for (const double s : share) rest += s;
+  const double total = rest;
   for (bool again = true; again;) {
     again = false;
     for (std::size_t c = 0; c < share.size(); ++c) {
@@ -31,7 +32,7 @@ inline constexpr double least_quads = 6, least_of_sheet = 1;
       again = left > 0;
     }
   }
-  left = std::max(left, 0.5 * quads);
+  left = std::max(left, 0.5 * quads * rest / total);
   for (std::size_t c = 0; c < share.size(); ++c)
     if (!(due[c] > 0)) due[c] = std::max(1.0, left * share[c] / rest);
   return due;

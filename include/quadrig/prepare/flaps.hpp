@@ -19,7 +19,7 @@ class Flaps {
   Index drop() {
     std::vector<Index> suspects;
     for_each_edge(sorted_sides(work_.faces), [&](std::span<const Side> edge) {
-      if (edge.size() < 3) return;
+      if (!forks(edge.size())) return;
       for (const Side& side : edge) suspects.push_back(side.halfedge / 3);
     });
     if (suspects.empty()) return 0;
@@ -52,6 +52,9 @@ class Flaps {
 
  private:
   using Edge = std::array<Index, 2>;
+  /// Whether the faces at an edge may be a sheet and slips of dirt. More are a fan, and looking at each of them for
+  /// each of them would have no end.
+  [[nodiscard]] static bool forks(std::size_t faces) { return faces >= 3 && faces <= 16; }
   [[nodiscard]] static std::size_t at(Index i) { return static_cast<std::size_t>(i); }
   [[nodiscard]] const Face& face(Index f) const { return work_.faces[at(f)]; }
   [[nodiscard]] static Edge edge(Index a, Index b) { return {std::min(a, b), std::max(a, b)}; }
@@ -91,7 +94,7 @@ class Flaps {
   [[nodiscard]] bool doubles(const Face& f) const {
     for (std::size_t i = 0; i < 3; ++i) {
       const Index a = f[i], b = f[(i + 1) % 3], d = f[(i + 2) % 3];
-      if (across(a, b).size() < 3 || across(a, d).size() < 3 || across(b, d).size() > 2) continue;
+      if (!forks(across(a, b).size()) || across(a, d).size() < 3 || across(b, d).size() > 2) continue;
       for (const Index c : across(a, b)) {
         if (c == d || !faces_.contains(sorted({a, c, d}))) continue;
         const std::vector<Index>& beyond = across(b, d);
@@ -105,7 +108,7 @@ class Flaps {
     constexpr double small = 1e-3;  // of the area of all
     for (std::size_t i = 0; i < 3; ++i) {
       const Index a = f[i], b = f[(i + 1) % 3], c = f[(i + 2) % 3];
-      if (across(a, b).size() < 3 || across(b, c).size() > 1 || across(a, c).size() > 1) continue;
+      if (!forks(across(a, b).size()) || across(b, c).size() > 1 || across(a, c).size() > 1) continue;
       const auto goes_on = [&](Index v) { return across(a, v).size() > 1 || across(b, v).size() > 1; };
       const std::vector<Index>& others = across(a, b);
       return area(f) < small * total_area_ && std::count_if(others.begin(), others.end(), goes_on) >= 2;

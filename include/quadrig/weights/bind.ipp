@@ -56,17 +56,12 @@ inline std::vector<double> vertex_areas(const TriangleMesh<double>& mesh) {
   return area;
 }
 
-/// Distances of every vertex from every bone through the body; infinite where another bone is far nearer.
-inline Expected<Eigen::MatrixXd> body_distances(const TriangleMesh<double>& mesh, const Skeleton& skeleton,
-                                                const VoxelBody& body, Index& bones_outside, Context& context) {
-  constexpr double through_air = 8;  // a step outside the body counts this often
-  constexpr double reach = 4;        // a bone this much farther than the nearest has no say
-  const double infinity = std::numeric_limits<double>::infinity();
-  const std::size_t cells = body.cell_count();
-  const auto bones = static_cast<std::size_t>(skeleton.bone_count());
-
-  std::vector<std::vector<std::pair<std::size_t, double>>> seeds(bones);
-  for (std::size_t b = 0; b < bones; ++b) {
+/// The cells where each bone begins, with their distance from it.
+inline std::vector<std::vector<std::pair<std::size_t, double>>> bone_seeds(const Skeleton& skeleton,
+                                                                           const VoxelBody& body,
+                                                                           Index& bones_outside) {
+  std::vector<std::vector<std::pair<std::size_t, double>>> seeds(at(skeleton.bone_count()));
+  for (std::size_t b = 0; b < seeds.size(); ++b) {
     const Bone& bone = skeleton.bones[b];
     const Vector3 way = bone.tail - bone.head;
     // Of one that lies wholly outside the cells nearest to its ends.
@@ -83,6 +78,18 @@ inline Expected<Eigen::MatrixXd> body_distances(const TriangleMesh<double>& mesh
     }
     bones_outside += within ? 0 : 1;
   }
+  return seeds;
+}
+
+/// Distances of all cells from every bone through the body, handed to `use(bone, distances)`, from several threads;
+/// infinite where another bone is far nearer. \fails cancelled
+template <class Use>
+inline Status spread_distances(const Skeleton& skeleton, const VoxelBody& body, Index& bones_outside, Context& context,
+                               Use&& use) {
+  constexpr double through_air = 8;  // a step outside the body counts this often
+  constexpr double reach = 4;        // a bone this much farther than the nearest has no say
+  const std::size_t cells = body.cell_count();
+  const std::vector<std::vector<std::pair<std::size_t, double>>> seeds = bone_seeds(skeleton, body, bones_outside);
 
   using Entry = std::pair<double, std::size_t>;
   const auto spread = [&](std::span<const std::pair<std::size_t, double>> from, std::vector<float>& distance,
@@ -112,31 +119,41 @@ inline Expected<Eigen::MatrixXd> body_distances(const TriangleMesh<double>& mesh
   for (const auto& of_bone : seeds) all.insert(all.end(), of_bone.begin(), of_bone.end());
   spread(all, nearest, [](std::size_t, double) { return true; });
   if (context.cancelled()) return cancelled_error("bind");
-
-  Eigen::MatrixXd distances(mesh.vertex_count(), skeleton.bone_count());
-  context.parallel_for(bones, 1, [&](std::size_t begin, std::size_t end) {
+  context.parallel_for(seeds.size(), 1, [&](std::size_t begin, std::size_t end) {
     std::vector<float> distance(cells);
     for (std::size_t b = begin; b < end && !context.cancelled(); ++b) {
       std::fill(distance.begin(), distance.end(), std::numeric_limits<float>::infinity());
       spread(seeds[b], distance, [&](std::size_t cell, double d) {
         return d <= reach * static_cast<double>(nearest[cell]) + 4 * body.side();
       });
-      for (Index v = 0; v < mesh.vertex_count(); ++v) {
-        // From the centres around the vertex: smoother than the steps between cells.
-        const Vector3 p = mesh.position(v);
-        double least = infinity;
-        const std::size_t cell = body.cell_of(p);
-        const auto look = [&](std::size_t near) {
-          if (body.is_body(near))
-            least = std::min(least, static_cast<double>(distance[near]) + (body.centre(near) - p).norm());
-        };
-        look(cell);
-        body.for_each_neighbour(cell, [&](std::size_t near, double) { look(near); });
-        distances(v, static_cast<Index>(b)) = least;
-      }
+      use(b, std::span<const float>(distance));
     }
   });
   if (context.cancelled()) return cancelled_error("bind");
+  return {};
+}
+
+/// Distances of every vertex from every bone through the body; infinite where another bone is far nearer.
+inline Expected<Eigen::MatrixXd> body_distances(const TriangleMesh<double>& mesh, const Skeleton& skeleton,
+                                                const VoxelBody& body, Index& bones_outside, Context& context) {
+  Eigen::MatrixXd distances(mesh.vertex_count(), skeleton.bone_count());
+  Status status =
+      spread_distances(skeleton, body, bones_outside, context, [&](std::size_t b, std::span<const float> distance) {
+        for (Index v = 0; v < mesh.vertex_count(); ++v) {
+          // From the centres around the vertex: smoother than the steps between cells.
+          const Vector3 p = mesh.position(v);
+          double least = std::numeric_limits<double>::infinity();
+          const std::size_t cell = body.cell_of(p);
+          const auto look = [&](std::size_t near) {
+            if (body.is_body(near))
+              least = std::min(least, static_cast<double>(distance[near]) + (body.centre(near) - p).norm());
+          };
+          look(cell);
+          body.for_each_neighbour(cell, [&](std::size_t near, double) { look(near); });
+          distances(v, static_cast<Index>(b)) = least;
+        }
+      });
+  if (!status) return status.error();
   return distances;
 }
 
@@ -200,85 +217,235 @@ inline Status smooth_weights(const TriangleMesh<double>& mesh, double length, co
   return {};
 }
 
-/// The weights of one bone that bend least, Σ (Lw)² / M, within [0, 1]: 1 where the bone holds, 0 where another does.
-/// Bounds are met by an active set: what leaves them is held, what pulls back in is let go.
-inline Status biharmonic_weights(const TriangleMesh<double>& mesh, std::span<const Index> holder, Index bone,
-                                 const BindOptions& options, std::span<const double> cotangent,
-                                 std::span<const double> area, std::span<double> weights, Context& context) {
-  constexpr int rounds = 30;
-  const Index n = mesh.vertex_count();
+/// The body at a resolution, or at a lower one where it would have more cells than these.
+inline VoxelBody body_of(const TriangleMesh<double>& mesh, const Skeleton& skeleton, Index resolution, double most) {
+  constexpr Index least = 8;
+  for (;;) {
+    VoxelBody body(mesh, skeleton, resolution);
+    const double finer = std::cbrt(most / static_cast<double>(std::max<std::size_t>(body.body_count(), 1)));
+    if (resolution == least || finer > 0.95) return body;
+    resolution = std::max(least, static_cast<Index>(std::min(0.98 * finer, 0.9) * resolution));
+  }
+}
+
+/// The cells of a body, numbered, with their up to six neighbours.
+struct BodyGraph {
+  std::vector<std::size_t> cells;
+  std::vector<Index> number;  ///< of each cell of the grid; no_index: air
+  std::vector<Index> first, neighbours;
+
+  explicit BodyGraph(const VoxelBody& body) : number(body.cell_count(), no_index) {
+    for (std::size_t cell = 0; cell < body.cell_count(); ++cell)
+      if (body.is_body(cell)) {
+        number[cell] = static_cast<Index>(cells.size());
+        cells.push_back(cell);
+      }
+    for (const std::size_t cell : cells) {
+      first.push_back(static_cast<Index>(neighbours.size()));
+      body.for_each_neighbour(cell, [&](std::size_t next, double step) {
+        if (step == 1 && body.is_body(next)) neighbours.push_back(number[next]);
+      });
+    }
+    first.push_back(static_cast<Index>(neighbours.size()));
+  }
+  [[nodiscard]] Index size() const { return static_cast<Index>(cells.size()); }
+  [[nodiscard]] std::span<const Index> around(Index v) const {
+    return std::span(neighbours).subspan(at(first[at(v)]), at(first[at(v) + 1] - first[at(v)]));
+  }
+};
+
+/// The bone that holds a cell, or the two that share it.
+struct CellHolder {
+  Index bone = no_index, other = no_index;
+  [[nodiscard]] double weight(Index of) const {
+    return of == bone || of == other ? (other == no_index ? 1.0 : 0.5) : 0.0;
+  }
+};
+
+/// Which bone holds each cell of a body: the one whose segment passes through it, of several the one whose middle is
+/// nearest, and both where two are as near, as at the joint of two bones of one length. A bone that passes through no
+/// cell, or only through those of others, holds the free cell nearest to it.
+inline std::vector<CellHolder> cell_holders(const BodyGraph& graph, const VoxelBody& body, const Skeleton& skeleton) {
+  const double near = 0.5 * body.side();
+  std::vector<CellHolder> holder(graph.cells.size());
+  std::vector<double> off(holder.size(), std::numeric_limits<double>::infinity());
+  for (Index b = 0; b < skeleton.bone_count(); ++b) {
+    const Bone& bone = skeleton.bones[at(b)];
+    const Vector3 way = bone.tail - bone.head;
+    const auto inside = body.part_inside(bone.head, bone.tail);
+    if (!inside) continue;
+    const auto steps = static_cast<Index>(std::ceil(2 * (inside->second - inside->first) * way.norm() / body.side()));
+    for (Index s = 0; s <= steps; ++s) {
+      const double t =
+          inside->first + (steps > 0 ? s / static_cast<double>(steps) : 0.0) * (inside->second - inside->first);
+      const Index v = graph.number[body.cell_of(bone.head + t * way)];
+      const double from_middle = std::abs(t - 0.5) * way.norm();
+      if (v == no_index || from_middle > off[at(v)] + near) continue;
+      CellHolder& own = holder[at(v)];
+      if (own.bone == b || own.other == b) continue;
+      if (own.bone != no_index && from_middle > off[at(v)] - near) {
+        own.other = b;
+      } else {
+        own = {b, no_index};
+      }
+      off[at(v)] = std::min(off[at(v)], from_middle);
+    }
+  }
+  std::vector<char> holds(at(skeleton.bone_count()), 0);
+  for (const CellHolder& own : holder)
+    for (const Index b : {own.bone, own.other})
+      if (b != no_index) holds[at(b)] = 1;
+  for (Index b = 0; b < skeleton.bone_count(); ++b) {
+    if (holds[at(b)]) continue;
+    Index nearest = no_index;
+    double least = std::numeric_limits<double>::infinity();
+    for (Index v = 0; v < graph.size(); ++v)
+      if (const double d = bone_distance(skeleton.bones[at(b)], body.centre(graph.cells[at(v)]));
+          holder[at(v)].bone == no_index && d < least)
+        least = d, nearest = v;
+    if (nearest != no_index) holder[at(nearest)].bone = b;
+  }
+  return holder;
+}
+
+/// The weights of one bone that bend least within the body, Σ (Lw)², in [0, 1]: 1 where the bone holds, 0 where another
+/// does and where another is far nearer. Bounds are met by an active set: what leaves them is held, what pulls back in
+/// is let go. \param reached of each cell, whether the bone has a say there
+inline Status biharmonic_weights(const BodyGraph& graph, std::span<const CellHolder> holder,
+                                 std::span<const char> reached, Index bone, const BindOptions& options,
+                                 Eigen::Ref<Eigen::VectorXd> weights, Context& context) {
+  constexpr int rounds = 20;
+  constexpr double slack = 1e-4;
+  // The reached cells, and two rings around, which are 0.
+  std::vector<Index> cells, local(at(graph.size()), no_index);
+  const auto add = [&](Index v) {
+    if (local[at(v)] != no_index) return;
+    local[at(v)] = static_cast<Index>(cells.size());
+    cells.push_back(v);
+  };
+  for (Index v = 0; v < graph.size(); ++v)
+    if (reached[at(v)]) add(v);
+  std::size_t ring = cells.size();
+  for (std::size_t k = 0; k < ring; ++k)
+    for (const Index next : graph.around(cells[k])) add(next);
+  const std::size_t rows = cells.size();
+  for (std::size_t k = 0; k < rows; ++k)
+    for (const Index next : graph.around(cells[k])) add(next);
+  const auto n = static_cast<Index>(cells.size());
+
   std::vector<Index> unknowns;
   std::vector<double> coefficients;
-  const auto laplacian = [&](Index v, auto&& use) {  // use(): the row of v in `unknowns` and `coefficients`
-    unknowns.assign(1, v);
-    coefficients.assign(1, 0.0);
-    const auto add = [&](Index other, double c) {
-      coefficients[0] += c;
-      const auto found = std::find(unknowns.begin() + 1, unknowns.end(), other);
-      if (found == unknowns.end()) {
-        unknowns.push_back(other);
-        coefficients.push_back(-c);
-      } else {
-        coefficients[static_cast<std::size_t>(found - unknowns.begin())] -= c;
-      }
-    };
-    for (const Index h : mesh.around(v)) {
-      add(mesh.target(h), cotangent[at(h)]);
-      const Index in = mesh.prev(h);
-      add(mesh.origin(in), cotangent[at(in)]);
-    }
-    use();
-  };
   RowTerm term{"bending", [&](EmitRow<double> emit) {
-                 for (Index v = 0; v < n; ++v)
-                   laplacian(v, [&] { emit({unknowns, coefficients, 0.0, 1 / area[at(v)]}); });
+                 for (std::size_t k = 0; k < rows; ++k) {
+                   const auto around = graph.around(cells[k]);
+                   unknowns.assign(1, static_cast<Index>(k));
+                   coefficients.assign(1, static_cast<double>(around.size()));
+                   for (const Index next : around) {
+                     unknowns.push_back(local[at(next)]);
+                     coefficients.push_back(-1);
+                   }
+                   emit({unknowns, coefficients, 0.0, 1.0});
+                 }
                }};
-
   QuadraticForm<double> form(n);
   std::vector<signed char> held(at(n), 0);  // at a bound, which can be let go: -1 below, 1 above
-  for (Index v = 0; v < n; ++v)
-    if (holder[at(v)] != no_index) form.fix(v, holder[at(v)] == bone ? 1.0 : 0.0);
+  std::vector<char> given(at(n), 0);
+  for (Index k = 0; k < n; ++k) {
+    const CellHolder& own = holder[at(cells[at(k)])];
+    if (own.bone == no_index && reached[at(cells[at(k)])]) continue;
+    form.fix(k, own.weight(bone));
+    given[at(k)] = 1;
+  }
   Expected<AnySolver<double>> solver = make_solver<double>(options.solver);
   if (!solver) return solver.error();
-  std::vector<double> gradient(at(n)), w(weights.begin(), weights.end());
-  for (int round = 0; round < rounds; ++round) {
+  std::vector<double> gradient(at(n)), w(at(n), 0.0);
+  for (Index k = 0; k < n; ++k) w[at(k)] = holder[at(cells[at(k)])].weight(bone);
+  for (int round = 0; round < rounds && form.free_count() > 0; ++round) {
     if (context.cancelled()) return cancelled_error("bind");
-    if (form.free_count() == 0) break;
     if (Status status = form.assemble(context, term); !status) return status;
     if (Status status = solver->prepare(form.matrix(), form.pattern_version(), context); !status) return status;
     std::vector<double> x(at(form.free_count()));
     if (const SolveInfo info = solver->solve(form.rhs(), x, context); !info.status) return info.status;
     w = form.expand(x);
-    // Pull of the energy at the held: Lᵀ M⁻¹ L w.
+    // Pull of the energy at the held: Lᵀ L w.
     std::fill(gradient.begin(), gradient.end(), 0.0);
     const auto pull_at = [&](const Row<double>& row) {
       double sum = 0;
       for (std::size_t k = 0; k < row.at.size(); ++k) sum += row.coeff[k] * w[at(row.at[k])];
-      for (std::size_t k = 0; k < row.at.size(); ++k) gradient[at(row.at[k])] += row.weight * row.coeff[k] * sum;
+      for (std::size_t k = 0; k < row.at.size(); ++k) gradient[at(row.at[k])] += row.coeff[k] * sum;
     };
     term.for_each_row(EmitRow<double>(pull_at));
     double largest = 0;
     for (const double g : gradient) largest = std::max(largest, std::abs(g));
     Index changed = 0;
-    for (Index v = 0; v < n; ++v) {
-      if (holder[at(v)] != no_index) continue;
-      if (held[at(v)] != 0) {
-        const double pull = -gradient[at(v)] * held[at(v)];  // towards the inside where negative
+    for (Index k = 0; k < n; ++k) {
+      if (given[at(k)]) continue;
+      if (held[at(k)] != 0) {
+        const double pull = -gradient[at(k)] * held[at(k)];  // towards the inside where negative
         if (pull < -1e-9 * largest && round < rounds / 2) {
-          form.release(v);
-          held[at(v)] = 0;
+          form.release(k);
+          held[at(k)] = 0;
           ++changed;
         }
-      } else if (w[at(v)] < -1e-6 || w[at(v)] > 1 + 1e-6) {
-        held[at(v)] = w[at(v)] < 0 ? -1 : 1;
-        form.fix(v, w[at(v)] < 0 ? 0.0 : 1.0);
+      } else if (w[at(k)] < -slack || w[at(k)] > 1 + slack) {
+        held[at(k)] = w[at(k)] < 0 ? -1 : 1;
+        form.fix(k, w[at(k)] < 0 ? 0.0 : 1.0);
         ++changed;
       }
     }
-    if (changed == 0) break;
+    constexpr Index few = 1000;  // one in so many cells is left where it is
+    if (few * changed <= n) break;
   }
-  for (std::size_t v = 0; v < w.size(); ++v) weights[v] = std::clamp(w[v], 0.0, 1.0);
+  for (Index k = 0; k < n; ++k) weights[cells[at(k)]] = std::clamp(w[at(k)], 0.0, 1.0);
   return {};
+}
+
+/// Bounded biharmonic weights within the body, read at the vertices. \return n×b, rows of sum 1 or 0
+inline Expected<Eigen::MatrixXd> biharmonic_body(const TriangleMesh<double>& mesh, const Skeleton& skeleton,
+                                                 const BindOptions& options, Index& bones_outside, Context& context) {
+  // Cells that a factorization of a fourth-order operator takes at ease; weights are smoother than cells are small.
+  // The square of the bones bounds the work of hundreds of them, each with a factorization for every round.
+  constexpr double most_cells = 6000, at_resolution = 128, most_work = 1.5e8;
+  constexpr Index least_resolution = 48;  // fewer, and limbs are of one cell
+  const double scale = std::max(1.0, options.resolution / at_resolution), bones = skeleton.bone_count();
+  const VoxelBody body = body_of(mesh, skeleton, std::max(least_resolution, options.resolution / 2),
+                                 std::min(most_cells * scale * scale * scale, most_work / (bones * bones)));
+  const BodyGraph graph(body);
+  const std::vector<CellHolder> holder = cell_holders(graph, body, skeleton);
+  Eigen::MatrixXd dense = Eigen::MatrixXd::Zero(mesh.vertex_count(), skeleton.bone_count());
+  std::vector<Status> status(at(skeleton.bone_count()));
+  std::vector<char> holds(status.size(), 0);
+  for (const CellHolder& own : holder)
+    for (const Index b : {own.bone, own.other})
+      if (b != no_index) holds[at(b)] = 1;
+  Status spread =
+      spread_distances(skeleton, body, bones_outside, context, [&](std::size_t b, std::span<const float> distance) {
+        if (!holds[b]) return;
+        Context quiet = context.quiet(1);
+        Eigen::VectorXd cells = Eigen::VectorXd::Zero(graph.size());
+        std::vector<char> reached(graph.cells.size());
+        for (std::size_t v = 0; v < reached.size(); ++v) reached[v] = std::isfinite(distance[graph.cells[v]]);
+        status[b] = biharmonic_weights(graph, holder, reached, static_cast<Index>(b), options, cells, quiet);
+        if (!status[b]) return;
+        for (Index v = 0; v < mesh.vertex_count(); ++v) {
+          double sum = 0, shares = 0;
+          body.for_each_around(mesh.position(v), [&](std::size_t cell, double share) {
+            if (graph.number[cell] == no_index) return;
+            sum += share * cells[graph.number[cell]];
+            shares += share;
+          });
+          if (shares > 0) dense(v, static_cast<Index>(b)) = sum / shares;
+        }
+      });
+  if (!spread) return spread.error();
+  for (const Status& each : status)
+    if (!each) return each.error();
+  if (options.smoothing > 0)  // or the steps of the cells show
+    if (Status smooth = smooth_weights(mesh, options.smoothing * body.side(), options.solver, dense, context); !smooth)
+      return smooth.error();
+  for (Index v = 0; v < mesh.vertex_count(); ++v)
+    if (const double sum = dense.row(v).sum(); sum > 0) dense.row(v) /= sum;
+  return dense;
 }
 
 }  // namespace detail
@@ -327,59 +494,23 @@ QUADRIG_INLINE Expected<BoundWeights> bind_weights(const TriangleMesh<double>& m
     for (Index v = 0; v < n; ++v) dense(v, nearest(v)) = 1;
   } else {
     if (!(mesh.diagonal() > 0)) return bad("all vertices are at one place", "bind", "give a surface");
-    const detail::VoxelBody body(mesh, skeleton, options.resolution);
-    const Expected<Eigen::MatrixXd> distances =
-        detail::body_distances(mesh, skeleton, body, result.bones_outside, context);
-    if (!distances) return distances.error();
-    const double length = mesh.diagonal();
-    dense = detail::falloff(*distances, length, body.side(), options.stiffness);
-    if (options.method == BindMethod::geodesic_voxel) {
+    if (options.method == BindMethod::bounded_biharmonic) {
+      Expected<Eigen::MatrixXd> made = detail::biharmonic_body(mesh, skeleton, options, result.bones_outside, context);
+      if (!made) return made.error();
+      dense = std::move(*made);
+    } else {
+      constexpr double most_work = 2e7;  // bones times cells
+      const detail::VoxelBody body =
+          detail::body_of(mesh, skeleton, options.resolution, most_work / skeleton.bone_count());
+      const Expected<Eigen::MatrixXd> distances =
+          detail::body_distances(mesh, skeleton, body, result.bones_outside, context);
+      if (!distances) return distances.error();
+      dense = detail::falloff(*distances, mesh.diagonal(), body.side(), options.stiffness);
       if (options.smoothing > 0)
         if (Status status =
                 detail::smooth_weights(mesh, options.smoothing * body.side(), options.solver, dense, context);
             !status)
           return status.error();
-    } else {
-      // A bone holds the vertices that are at most half as far from it as from any other.
-      std::vector<Index> holder(static_cast<std::size_t>(n), no_index);
-      for (Index v = 0; v < n; ++v) {
-        Index first = no_index;
-        double least = std::numeric_limits<double>::infinity(), second = least;
-        for (Index b = 0; b < bones; ++b) {
-          const double d = (*distances)(v, b);
-          if (d < least) {
-            second = least;
-            least = d, first = b;
-          } else {
-            second = std::min(second, d);
-          }
-        }
-        if (first == no_index) first = nearest(v), second = std::numeric_limits<double>::infinity();
-        if (second >= 2 * least || mesh.outgoing(v) == no_index) holder[static_cast<std::size_t>(v)] = first;
-      }
-      for (Index b = 0; b < bones; ++b) {  // one that is nowhere decided holds the vertex nearest to it
-        if (std::find(holder.begin(), holder.end(), b) != holder.end()) continue;
-        Index best = no_index;
-        for (Index v = 0; v < n; ++v)
-          if (dense(v, b) > 0 && (best == no_index || dense(v, b) > dense(best, b))) best = v;
-        if (best != no_index && dense(best, b) > 0.3) holder[static_cast<std::size_t>(best)] = b;
-      }
-      const std::vector<double> cotangent = detail::half_cotangents(mesh);
-      std::vector<double> area = detail::vertex_areas(mesh);
-      const double mean = mesh.total_area() / n;
-      for (double& a : area) a = std::max(a, 1e-3 * mean);
-      std::vector<Status> status(static_cast<std::size_t>(bones));
-      context.parallel_for(static_cast<std::size_t>(bones), 1, [&](std::size_t begin, std::size_t end) {
-        Context quiet = context.quiet(1);
-        for (std::size_t b = begin; b < end; ++b) {
-          Eigen::VectorXd column = dense.col(static_cast<Index>(b));
-          status[b] = detail::biharmonic_weights(mesh, holder, static_cast<Index>(b), options, cotangent, area,
-                                                 {column.data(), static_cast<std::size_t>(n)}, quiet);
-          dense.col(static_cast<Index>(b)) = column;
-        }
-      });
-      for (const Status& each : status)
-        if (!each) return each.error();
     }
   }
   result.weights = detail::strongest(dense, options.influences, nearest);

@@ -35,6 +35,9 @@ class VoxelBody {
   [[nodiscard]] std::size_t cell_count() const {
     return static_cast<std::size_t>(size_[0]) * static_cast<std::size_t>(size_[1]) * static_cast<std::size_t>(size_[2]);
   }
+  [[nodiscard]] std::size_t body_count() const {
+    return body_.size() - static_cast<std::size_t>(std::count(body_.begin(), body_.end(), air));
+  }
   [[nodiscard]] bool is_body(std::size_t cell) const { return body_[cell] != air; }
   [[nodiscard]] std::size_t cell_of(const Vector3& p) const {
     std::array<Index, 3> c{};
@@ -75,6 +78,28 @@ class VoxelBody {
           if (steps == 0 || !inside(n)) continue;
           visit(number(n), length[steps]);
         }
+  }
+
+  /// Calls visit(cell, share) for the eight cells whose centres surround p; the shares are trilinear and sum to 1.
+  template <class Visit>
+  void for_each_around(const Vector3& p, Visit&& visit) const {
+    std::array<Index, 3> low{};
+    Vector3 t;
+    for (int k = 0; k < 3; ++k) {
+      const double x = std::clamp((p[k] - low_[k]) / side_ - 0.5, 0.0, size_[at(k)] - 1.001);
+      low[at(k)] = static_cast<Index>(x);
+      t[k] = x - low[at(k)];
+    }
+    for (Index corner = 0; corner < 8; ++corner) {
+      std::array<Index, 3> c = low;
+      double share = 1;
+      for (int k = 0; k < 3; ++k) {
+        const Index up = corner >> k & 1;
+        c[at(k)] += up;
+        share *= up ? t[k] : 1 - t[k];
+      }
+      visit(number(c), share);
+    }
   }
 
  private:
