@@ -299,6 +299,7 @@ class Remesher {
 
   /// Where sizes or directions come from it.
   [[nodiscard]] Status measure_curvature(const Connection<double>& connection, const std::vector<double>& omega1) {
+    const SpanTimer span(context_, "curvature");
     const bool posed = sizing_.density == DensitySource::posed || options_.directions.posed > 0;
     if (!posed && sizing_.density != DensitySource::rest) return {};
     if (posed && asset_.rig) {
@@ -334,6 +335,7 @@ class Remesher {
 
   /// The mirror plane, where one is asked for and there is one.
   [[nodiscard]] Status find_mirror() {
+    const SpanTimer span(context_, "symmetry");
     SymmetryReport& report = quads_.report.symmetry;
     report.choice = mirror_choice(options_, asset_.rig.has_value());
     if (report.choice == SymmetryChoice::none) return {};

@@ -172,20 +172,30 @@ class MirrorSearch {
     double weight;
   };
 
-  /// Closest points and planes in turn; what lies far from its image counts less and less.
+  /// Closest points and planes in turn; what lies far from its image counts less and less. The way there is found by
+  /// few of the samples, its end by all.
   void refine(MirrorPlane& plane) const {
-    constexpr int rounds = 24;
+    constexpr int rounds = 24, last_rounds = 4;
+    constexpr std::size_t stride = 4;
     MirrorPlane moving = plane;
     double scale = 0.1 * diagonal_;
+    settle(moving, scale, stride, rounds - last_rounds);
+    settle(moving, scale, 1, last_rounds);
+    measure(moving);
+    if (moving.near_share + moving.share > plane.near_share + plane.share) plane = moving;
+  }
+  /// Until the plane stands still, by every `stride`-th sample.
+  void settle(MirrorPlane& moving, double& scale, std::size_t stride, int rounds) const {
     for (int round = 0; round < rounds && !context_.cancelled(); ++round) {
-      std::vector<Matched> pairs(samples_.size());
+      std::vector<Matched> pairs((samples_.size() + stride - 1) / stride);
       context_.parallel_for(pairs.size(), 256, [&](std::size_t begin, std::size_t end) {
-        for (std::size_t s = begin; s < end; ++s) {
-          pairs[s] = {Vector3::Zero(), Vector3::Zero(), 0};
+        for (std::size_t k = begin; k < end; ++k) {
+          const std::size_t s = k * stride;
+          pairs[k] = {Vector3::Zero(), Vector3::Zero(), 0};
           const SurfaceHit hit = image(moving, s, 3 * scale);
           if (!hit.found()) continue;
           const double off = hit.squared_distance / (scale * scale);
-          pairs[s] = {samples_.position[s], hit.position, samples_.area[s] / ((1 + off) * (1 + off))};
+          pairs[k] = {samples_.position[s], hit.position, samples_.area[s] / ((1 + off) * (1 + off))};
         }
       });
       const std::optional<MirrorPlane> next = best_plane(pairs);
@@ -195,8 +205,6 @@ class MirrorSearch {
       if (round > 0 && turn < 1e-5 && shift < 1e-5 * diagonal_) break;
       scale = std::max(0.75 * scale, 0.5 * MirrorPolicy::near * diagonal_);
     }
-    measure(moving);
-    if (moving.near_share + moving.share > plane.near_share + plane.share) plane = moving;
   }
 
   /// To the last digit: pairs of vertices where there are any, and the axis itself where the plane is next to one.
