@@ -499,9 +499,9 @@ QUADRIG_INLINE Expected<BoundWeights> bind_weights(const TriangleMesh<double>& m
       if (!made) return made.error();
       dense = std::move(*made);
     } else {
-      constexpr double most_work = 2e7;  // bones times cells
+      constexpr double most_work = 1.5e9;  // cells times the square of bones
       const detail::VoxelBody body =
-          detail::body_of(mesh, skeleton, options.resolution, most_work / skeleton.bone_count());
+          detail::body_of(mesh, skeleton, options.resolution, most_work / (1.0 * bones * bones));
       const Expected<Eigen::MatrixXd> distances =
           detail::body_distances(mesh, skeleton, body, result.bones_outside, context);
       if (!distances) return distances.error();
