@@ -420,7 +420,7 @@ TEST_CASE("c: sizes and directions of the caller's own reach the quads", "[c]") 
   std::vector<double> positions, density;
   std::vector<std::uint32_t> triangles, under;
   for (std::uint32_t j = 0; j <= n; ++j)
-    for (std::uint32_t i = 0; i <= n; ++i) positions.insert(positions.end(), {1.0 * i, 1.0 * j, 0.0});
+    for (std::uint32_t i = 0; i <= n; ++i) positions.insert(positions.end(), {1.0 * i, 1.0 * j, 0.01 * i * (n - i)});
   for (std::uint32_t j = 0; j < n; ++j)
     for (std::uint32_t i = 0; i < n; ++i) {
       const std::uint32_t v = i + j * (n + 1);
@@ -455,12 +455,20 @@ TEST_CASE("c: sizes and directions of the caller's own reach the quads", "[c]") 
   };
   quadrig_options options = options_for(400);
   const std::vector<double> plain = positions_with(options);
+  options.fit = quadrig_fit_surface;
+  CHECK(positions_with(options) == plain);
+  options.fit = quadrig_fit_none;
+  CHECK(positions_with(options) != plain);
+  options.fit = quadrig_fit_subdivision + 1;
+  quadrig_quads* none = nullptr;
+  CHECK(quadrig_remesh(job.get(), asset.get(), &options, &none) == quadrig_bad_option);
+  CHECK(message_of(job).find("options.fit") != std::string::npos);
+  options.fit = quadrig_fit_default;
   CHECK(share_right(plain) == quadrig::test::Approx(0.5).margin(0.05));
   options.density = density.data();
   options.density_count = density.size();
   CHECK(share_right(positions_with(options)) > 0.6);
   options.density_count = 7;
-  quadrig_quads* none = nullptr;
   CHECK(quadrig_remesh(job.get(), asset.get(), &options, &none) == quadrig_bad_option);
   CHECK(message_of(job).find("options.density") != std::string::npos);
 

@@ -1,6 +1,10 @@
 #include "quadrig/constraints/posed_metric.hpp"
 #include "quadrig/constraints/gradation.hpp"
 
+#include "corpus/synthetic.hpp"
+#include "quadrig/constraints/features.hpp"
+#include "quadrig/curves.hpp"
+#include "quadrig/prepare.hpp"
 #include "surfaces.hpp"
 #include "test.hpp"
 
@@ -316,4 +320,66 @@ TEST_CASE("posed metric: graded sizes change slowly, are never larger, and are l
   double mean = 0;
   for (Index f = 0; f < mesh.face_count(); ++f) mean += mesh.area(f) * density[static_cast<std::size_t>(f)];
   CHECK(mean == Approx(mesh.total_area()));
+}
+
+TEST_CASE("posed metric: a morph target is a pose: where it goes is curved as a surface that stands there",
+          "[posed_metric][fast]") {
+  const auto mesh = tube();
+  const Connection<double> connection(mesh);
+  Points<double> morph = Points<double>::Zero(mesh.vertex_count(), 3);
+  for (Index v = 0; v < mesh.vertex_count(); ++v) {
+    const double x = mesh.positions()(v, 0);
+    if (x > 2 && x < 4) morph(v, 2) = 0.3 * std::pow(std::sin(std::numbers::pi * (x - 2) / 2), 2);
+  }
+  PosedForms::Options options;
+  const std::vector<Points<double>> morphs{morph};
+  options.morphs = morphs;
+  options.smoothing = 0;
+  options.least_area_ratio = 0;
+  Context context;
+  const PosedForms forms = PosedForms::create(mesh, connection, {}, {}, options, context).value();
+  const auto there = test::build(Points<double>(mesh.positions() + morph), mesh.faces());
+  const Connection<double> posed(there);
+  const PosedForms expected = PosedForms::at_rest(there, posed, 0);
+  Index compared = 0;
+  for (Index f = 0; f < mesh.face_count(); ++f) {
+    if (x_of(mesh, f) < 1.5 || x_of(mesh, f) > 4.5) {
+      CHECK(forms.of_face(f).size() == 1);
+      continue;
+    }
+    if (forms.of_face(f).size() != 2) continue;
+    const PosedForms::Form& form = forms.of_face(f)[1];
+    CHECK(form.weight == Approx(0.5));
+    // C of the posed surface, pulled back: along the posed edge as along the edge at rest
+    for (Index h = 3 * f; h < 3 * f + 3; ++h) {
+      const Complex e = connection.to_complex(f, mesh.edge_vector(h)), g = posed.to_complex(f, there.edge_vector(h));
+      CHECK(form.at(e) == Approx(expected.of_face(f)[0].at(g)).margin(1e-9));
+    }
+    ++compared;
+  }
+  CHECK(compared > 1000);
+}
+
+TEST_CASE("posed metric: a box cut open along its edges is flat", "[posed_metric][fast]") {
+  const test::Soup cube = test::synthetic::cells({{0, 0, 0}}, 4);
+  Context context;
+  const auto made = prepare(PolygonMesh::from_triangles(cube.positions(), cube.triangles()), nullptr, {}, context);
+  REQUIRE(made);
+  const TriangleMesh<double>& mesh = made->mesh;
+  const Connection<double> connection(mesh);
+  EdgeMarks marks(static_cast<std::size_t>(mesh.halfedge_count()), 0);
+  for (const Index h : crease_halfedges(mesh, 1.0)) marks[static_cast<std::size_t>(h)] = 1;
+  const CutOpen open = cut_open(mesh, marks);
+  CHECK(face_components(open.mesh).count == 6);
+  CHECK(open.mesh.vertex_count() == 6 * 25);
+  for (Index v = 0; v < open.mesh.vertex_count(); ++v)
+    CHECK(open.mesh.position(v) == mesh.position(open.parent[static_cast<std::size_t>(v)]));
+  double whole = 0, apart = 0;
+  const PosedForms before = PosedForms::at_rest(mesh, connection), after = PosedForms::at_rest(open.mesh, connection);
+  for (Index f = 0; f < mesh.face_count(); ++f) {
+    whole = std::max({whole, std::abs(before.of_face(f)[0].xx), std::abs(before.of_face(f)[0].yy)});
+    apart = std::max({apart, std::abs(after.of_face(f)[0].xx), std::abs(after.of_face(f)[0].yy)});
+  }
+  CHECK(whole > 0.1);
+  CHECK(apart < 1e-9);
 }

@@ -148,6 +148,15 @@ typedef enum quadrig_symmetry {
   quadrig_symmetry_z = 5
 } quadrig_symmetry;
 
+/* Where vertices go once the quads are made. */
+typedef enum quadrig_fit {
+  quadrig_fit_default = 0,    /* surface */
+  quadrig_fit_none = 1,       /* where quads are most even */
+  quadrig_fit_slide = 2,      /* along the surface to where the quads are nearest to it, at rest and bent */
+  quadrig_fit_surface = 3,    /* likewise off the surface */
+  quadrig_fit_subdivision = 4 /* to where the surface is nearest that subdividing the quads makes */
+} quadrig_fit;
+
 typedef struct quadrig_options {
   size_t size;            /* bytes of this struct */
   uint32_t quads;         /* wanted: 2000 */
@@ -188,6 +197,7 @@ typedef struct quadrig_options {
   uint32_t joint_loop_count;      /* entries of the next two */
   const char* const* loop_joints; /* names of joints, in which * stands for anything */
   const uint32_t* joint_loops;    /* rings round these; the last name that fits counts */
+  size_t fit;                     /* quadrig_fit_default; quadrig_unsupported: subdivision where it was left out */
 } quadrig_options;
 
 QUADRIG_C_API void quadrig_options_init(quadrig_options* options, size_t size);

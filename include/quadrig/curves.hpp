@@ -24,6 +24,34 @@ using EdgeMarks = std::vector<char>;
   return marks;
 }
 
+/// A mesh cut open along marked edges: the same faces, and a vertex for each fan of them between marks.
+struct CutOpen {
+  TriangleMesh<double> mesh;
+  std::vector<Index> parent;  ///< of each vertex the one that it was
+};
+/// \cost O(m)
+[[nodiscard]] inline CutOpen cut_open(const TriangleMesh<double>& mesh, const EdgeMarks& marks) {
+  Triangles faces(mesh.face_count(), 3);
+  CutOpen result;
+  for (Index v = 0; v < mesh.vertex_count(); ++v) {
+    std::vector<Index> fan;  // half-edges that leave v, counter-clockwise
+    std::size_t first = 0;   // of them the first behind a mark
+    for (const Index h : mesh.around(v)) fan.push_back(h);
+    while (first < fan.size() && mesh.twin(fan[first]) != no_index && !marks[detail::at(fan[first])]) ++first;
+    for (std::size_t k = 0; k < fan.size(); ++k) {
+      const Index h = fan[(first + k) % fan.size()];
+      if (k == 0 || marks[detail::at(h)]) result.parent.push_back(v);
+      faces(h / 3, h % 3) = static_cast<Index>(result.parent.size()) - 1;
+    }
+    if (fan.empty()) result.parent.push_back(v);
+  }
+  Points<double> positions(static_cast<Index>(result.parent.size()), 3);
+  for (std::size_t v = 0; v < result.parent.size(); ++v)
+    positions.row(static_cast<Index>(v)) = mesh.positions().row(result.parent[v]);
+  result.mesh = TriangleMesh<double>::create(std::move(positions), std::move(faces)).value();
+  return result;
+}
+
 /// Curves of marked edges: from corner to corner, or closed. A corner is where other than two of them meet, or, inside
 /// the surface, where two bend by more than an angle within it.
 class EdgeCurves {

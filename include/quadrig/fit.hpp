@@ -6,6 +6,7 @@
 // weights and displacements alike.
 #pragma once
 
+#include "quadrig/curves.hpp"
 #include "quadrig/fit/slide.hpp"
 #include "quadrig/solver.hpp"
 #include "quadrig/transfer.hpp"
@@ -89,7 +90,10 @@ struct FittedQuads {
 
 /// Fits quads to a surface by `options.method`, `surface` or `none` (then only weights and morphs are made). Each quad
 /// begins at the corner from which two triangles (0 1 2, 0 2 3) stray least.
-/// \param held a flag a vertex, or empty: does not move; nor do border vertices
+/// Vertices on the border and on kept edges are fitted to these lines, but for their corners; border vertices at one
+/// place move as one.
+/// \param held a flag a vertex, or empty: does not move
+/// \param kept marks of edges of the surface that edges of quads run along, or empty; a cage goes by the border alone
 /// \pre quads.source has one point a vertex; the quads are an oriented manifold near the surface
 /// \cost O(samples · poses that move them) a round, and one sparse factorization of three unknowns a vertex.
 ///   The same bits for any number of threads.
@@ -99,7 +103,8 @@ struct FittedQuads {
 [[nodiscard]] QUADRIG_INLINE Expected<FittedQuads> fit(const TriangleMesh<double>& surface, QuadMesh quads,
                                                        const FitMotion& motion, std::vector<char> held,
                                                        const FitOptions& options, Context& context,
-                                                       const SolverFactory<double>& solver = solver_factory<double>());
+                                                       const SolverFactory<double>& solver = solver_factory<double>(),
+                                                       const EdgeMarks& kept = {});
 
 }  // namespace quadrig
 

@@ -269,6 +269,7 @@ struct RemeshResult {
 struct UnfittedQuads {
   QuadMesh mesh;                  ///< `source` refers to the asset's mesh
   std::vector<char> on_features;  ///< a flag a vertex: on a kept edge
+  EdgeMarks kept;                 ///< of the asset's mesh: edges that quads keep; empty: none
   /// A flag a vertex that the fit is to leave where it is beside these; may be changed.
   std::vector<char> held;
   RemeshReport report;  ///< of the stages so far

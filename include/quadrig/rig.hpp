@@ -4,6 +4,8 @@
 #include <Eigen/Geometry>
 #include <Eigen/SparseCore>
 
+#include <span>
+
 #include "quadrig/mesh.hpp"
 
 namespace quadrig {
@@ -31,6 +33,21 @@ struct Skeleton {
 
 /// n×b, one row a vertex, entries ≥ 0, rows sum to 1.
 using SkinWeights = Eigen::SparseMatrix<double, Eigen::RowMajor, Index>;
+
+/// Rows of weights, in any order and any of them more than once. \cost O(their entries)
+[[nodiscard]] inline SkinWeights rows_of(const SkinWeights& weights, std::span<const Index> rows) {
+  SkinWeights result(static_cast<Index>(rows.size()), weights.cols());
+  Index entries = 0;
+  for (const Index row : rows) entries += static_cast<Index>(weights.innerVector(row).nonZeros());
+  result.reserve(entries);
+  for (std::size_t k = 0; k < rows.size(); ++k) {
+    result.startVec(static_cast<Index>(k));
+    for (SkinWeights::InnerIterator it(weights, rows[k]); it; ++it)
+      result.insertBack(static_cast<Index>(k), it.col()) = it.value();
+  }
+  result.finalize();
+  return result;
+}
 
 /// A bone and its share of a vertex or face.
 struct BoneShare {

@@ -93,7 +93,8 @@ struct TubeCheck {
   const auto m = static_cast<std::size_t>(mesh.face_count());
   constexpr double most_stretch = 1000;
   const double mean = quads / area;
-  DensityTargets wanted{std::vector<double>(m), std::vector<double>(m), std::vector<double>(m, 1.0)};
+  DensityTargets wanted{std::vector<double>(m), std::vector<double>(m), std::vector<double>(m, 1.0),
+                        std::vector<double>(m)};
   const bool squares = sizes.largest_aspect <= 1 || sizes.forms.face_count() <= 0;
   // Curvature far below the mean cannot tell a direction from noise.
   std::vector<std::array<double, 2>> strength(m, {0, 0});
@@ -134,6 +135,7 @@ struct TubeCheck {
         const double stretch = std::min(std::pow(tube.across / TubeCheck::quarter, 2) / density, most_stretch);
         aspect = tube.around_v ? std::max(aspect, stretch) : std::min(aspect, 1 / stretch);
       }
+    wanted.length[at] = 1 / std::sqrt(std::max(density, mean));  // narrow bands keep their sizes
     wanted.log_u[at] = 0.5 * std::log(density / aspect);
     wanted.log_v[at] = 0.5 * std::log(density * aspect);
   }

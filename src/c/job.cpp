@@ -68,6 +68,9 @@ Expected<RemeshOptions> remesh_options(const quadrig_options& options) {
     return Error{ErrorCode::bad_option, "is none that there is", "options.symmetry", "give a quadrig_symmetry"};
   if (options.symmetry != quadrig_symmetry_default)
     result.symmetry = static_cast<SymmetryChoice>(options.symmetry - quadrig_symmetry_none);
+  if (options.fit > quadrig_fit_subdivision)
+    return Error{ErrorCode::bad_option, "is none that there is", "options.fit", "give a quadrig_fit"};
+  if (options.fit != quadrig_fit_default) result.fit.method = static_cast<FitMethod>(options.fit - quadrig_fit_none);
   if (Status status = result.validate(); !status) return status.error();
   return result;
 }

@@ -187,21 +187,6 @@ std::vector<Index> lines_of(const Gathered& gathered, const Shells& shells, cons
   return lines;
 }
 
-/// Displacements of a part's vertices by each morph target that moves positions, in the order of the attributes.
-std::vector<Points<double>> morphs_of(const Gathered& gathered, const TriangleMesh<double>& part,
-                                      std::span<const Index> faces) {
-  std::vector<Points<double>> morphs;
-  for (const Attribute& attribute : gathered.attributes) {
-    if (attribute.target == Attribute::no_target || attribute.name != "POSITION") continue;
-    Points<double>& morph = morphs.emplace_back(Points<double>::Zero(part.vertex_count(), 3));
-    for (Index h = 0; h < part.halfedge_count(); ++h) {
-      const Index vertex = gathered.corner_vertex[at(3 * faces[at(h / 3)] + h % 3)];
-      morph.row(part.origin(h)) = gathered.values.row(vertex).segment<3>(attribute.first);
-    }
-  }
-  return morphs;
-}
-
 /// \param sharp borders of primitives and edges where normals part are lines of quads
 Expected<FieldQuads> make_field(const Gathered& gathered, const Shells& shells, const Shell& shell, bool sharp,
                                 const GltfRemeshOptions& options, Context& context) {

@@ -2,6 +2,7 @@
 #include "shells.hpp"
 
 #include <algorithm>
+#include <numeric>
 
 #include "quadrig/constraints/posed_metric.hpp"
 #include "quadrig/dominance.hpp"
@@ -17,14 +18,29 @@ constexpr double least_triangles = 4;
 constexpr double denser = 1.25;
 
 /// At most `most` of the poses, evenly spread.
-std::vector<Pose> some_of(std::vector<Pose> poses, std::size_t most) {
+template <class T>
+std::vector<T> some_of(std::vector<T> poses, std::size_t most) {
   if (poses.size() <= most) return poses;
-  std::vector<Pose> some;
+  std::vector<T> some;
   for (std::size_t k = 0; k < most; ++k) some.push_back(std::move(poses[k * poses.size() / most]));
   return some;
 }
 
 }  // namespace
+
+std::vector<Points<double>> morphs_of(const Gathered& gathered, const TriangleMesh<double>& part,
+                                      std::span<const Index> faces) {
+  std::vector<Points<double>> morphs;
+  for (const Attribute& attribute : gathered.attributes) {
+    if (attribute.target == Attribute::no_target || attribute.name != "POSITION") continue;
+    Points<double>& morph = morphs.emplace_back(Points<double>::Zero(part.vertex_count(), 3));
+    for (Index h = 0; h < part.halfedge_count(); ++h) {
+      const Index vertex = gathered.corner_vertex[at(3 * faces[at(h / 3)] + h % 3)];
+      morph.row(part.origin(h)) = gathered.values.row(vertex).segment<3>(attribute.first);
+    }
+  }
+  return morphs;
+}
 
 Expected<Shells> find_shells(const Gathered& gathered, const GltfRemeshOptions& options, Context& context) {
   const Asset& asset = gathered.surface.asset;
@@ -46,7 +62,13 @@ Expected<Shells> find_shells(const Gathered& gathered, const GltfRemeshOptions& 
 
   shells.density = density_factors(gathered, shells.mirror, options);
   const Connection<double> connection(mesh, &context);
-  PosedForms forms = PosedForms::at_rest(mesh, connection);
+  constexpr std::size_t most_posed = 12;
+  std::vector<Index> all(at(mesh.face_count()));
+  std::iota(all.begin(), all.end(), Index{0});
+  const std::vector<Points<double>> morphs = some_of(morphs_of(gathered, mesh, all), most_posed);
+  PosedForms::Options form_options;
+  form_options.morphs = morphs;
+  std::vector<Pose> few;
   std::vector<double> omega1;
   if (asset.rig) {
     if (options.pose_source == GltfPoses::clips) shells.poses = clip_poses(asset.rig->clips, options.most_poses);
@@ -57,12 +79,12 @@ Expected<Shells> find_shells(const Gathered& gathered, const GltfRemeshOptions& 
         for (std::size_t c = 0; c < bends.bones.size(); ++c) pose[at(bends.bones[c])] = some[c];
       }
     }
-    const std::vector<Pose> few = some_of(shells.poses, 12);
-    Expected<PosedForms> posed = PosedForms::create(mesh, connection, asset.rig->weights, few, {}, context);
-    if (!posed) return posed.error();
-    forms = std::move(*posed);
+    few = some_of(shells.poses, most_posed);
   }
-  Expected<PosedMetric> metric = posed_metric(mesh, forms, omega1, {}, context);
+  const Expected<PosedForms> forms =
+      PosedForms::create(mesh, connection, asset.rig ? asset.rig->weights : SkinWeights{}, few, form_options, context);
+  if (!forms) return forms.error();
+  Expected<PosedMetric> metric = posed_metric(mesh, *forms, omega1, {}, context);
   if (!metric) return metric.error();
   const double scale = gathered.surface.world_scale;
   for (Shell& shell : shells.list) {

@@ -50,6 +50,11 @@ struct Shells {
   std::vector<double> density;  ///< factors by hand, one a face; empty: none
 };
 
+/// Displacements of a part's vertices by each morph target that moves positions, in the order of the attributes.
+/// \param faces of the surface, of which `part` is made
+[[nodiscard]] std::vector<Points<double>> morphs_of(const Gathered& gathered, const TriangleMesh<double>& part,
+                                                    std::span<const Index> faces);
+
 /// Cuts a surface into shells and finds what each demands: the integral of the cube root of the error that quads of one
 /// size would leave, by the posed curvature metric.
 /// \fails as the metric does; cancelled

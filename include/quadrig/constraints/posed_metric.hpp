@@ -32,6 +32,8 @@ class PosedForms {
     std::vector<double> pose_weights = {};
     /// Weight of the rest pose, in addition to them.
     double rest_weight = 1;
+    /// Morph targets: displacements of the vertices, each a pose of weight 1 more.
+    std::span<const Points<double>> morphs = {};
     /// Rounds of averaging of the vertex normals with their neighbours' before they are differentiated.
     Index smoothing = 1;
     /// Points whose weights leave less than this to all but one rigid body move with that body.
@@ -44,7 +46,8 @@ class PosedForms {
   };
 
   /// The forms under each pose and at rest; weights are scaled to sum 1 on each face. Without poses: at rest alone.
-  /// \pre connection belongs to the mesh
+  /// \param weights read where there are poses
+  /// \pre connection belongs to the mesh, or to one of the same faces
   /// \cost O(moved faces) a pose, after a scan of the weights; 40 bytes a moved face and pose.
   /// \fails bad_option by validate(); bad_input when weights, poses and mesh do not fit each other; cancelled
   [[nodiscard]] static Expected<PosedForms> create(const TriangleMesh<double>& mesh,

@@ -231,6 +231,20 @@ inline std::vector<Index> bending_vertices(const VertexRings& rings, const SkinW
   return bending;
 }
 
+/// Vertices that a morph target moves apart from a neighbour.
+inline std::vector<Index> moved_vertices(const TriangleMesh<double>& mesh, const VertexRings& rings,
+                                         const Points<double>& morph) {
+  constexpr double still = 1e-3;  // of an edge
+  std::vector<Index> moved;
+  for (Index v = 0; v < mesh.vertex_count(); ++v)
+    if (std::ranges::any_of(rings.around(v), [&](Index u) {
+          return (morph.row(v) - morph.row(u)).norm() >
+                 still * (mesh.positions().row(v) - mesh.positions().row(u)).norm();
+        }))
+      moved.push_back(v);
+  return moved;
+}
+
 inline std::vector<Index> all_vertices(const TriangleMesh<double>& mesh) {
   std::vector<Index> all(static_cast<std::size_t>(mesh.vertex_count()));
   for (std::size_t v = 0; v < all.size(); ++v) all[v] = static_cast<Index>(v);
@@ -276,7 +290,7 @@ QUADRIG_INLINE Expected<PosedForms> PosedForms::create(const TriangleMesh<double
   const auto misfit = [](std::string what, std::string where) {
     return Error{ErrorCode::bad_input, std::move(what), std::move(where), "give a rig that fits the mesh"};
   };
-  if (weights.rows() != mesh.vertex_count())
+  if (!poses.empty() && weights.rows() != mesh.vertex_count())
     return misfit(std::to_string(weights.rows()) + " rows for " + std::to_string(mesh.vertex_count()) + " vertices",
                   "skin weights");
   for (std::size_t p = 0; p < poses.size(); ++p)
@@ -288,9 +302,15 @@ QUADRIG_INLINE Expected<PosedForms> PosedForms::create(const TriangleMesh<double
         ErrorCode::bad_option,
         std::to_string(options.pose_weights.size()) + " weights for " + std::to_string(poses.size()) + " poses",
         "pose_weights", "give one weight a pose"};
-  const auto pose_weight = [&](std::size_t p) { return options.pose_weights.empty() ? 1.0 : options.pose_weights[p]; };
+  for (std::size_t k = 0; k < options.morphs.size(); ++k)
+    if (options.morphs[k].rows() != mesh.vertex_count())
+      return misfit("not one row a vertex", "morph " + std::to_string(k));
+  const std::size_t all = poses.size() + options.morphs.size();
+  const auto pose_weight = [&](std::size_t p) {
+    return options.pose_weights.empty() || p >= poses.size() ? 1.0 : options.pose_weights[p];
+  };
   double total = options.rest_weight;
-  for (std::size_t p = 0; p < poses.size(); ++p) total += pose_weight(p);
+  for (std::size_t p = 0; p < all; ++p) total += pose_weight(p);
   if (!(total > 0))
     return Error{ErrorCode::bad_option, "all poses weigh nothing", "rest_weight, pose_weights",
                  "give one of them weight"};
@@ -303,27 +323,23 @@ QUADRIG_INLINE Expected<PosedForms> PosedForms::create(const TriangleMesh<double
     Index face;
     Form form;
   };
-  std::vector<std::vector<Moved>> moved(poses.size());
-  context.parallel_for(poses.size(), 4, [&](std::size_t begin, std::size_t end) {
+  std::vector<std::vector<Moved>> moved(all);
+  context.parallel_for(all, 4, [&](std::size_t begin, std::size_t end) {
     detail::FormEvaluator evaluator(mesh, connection, rings, options.smoothing, &context);
     for (std::size_t p = begin; p < end; ++p) {
       if (context.cancelled() || pose_weight(p) == 0) continue;
-      const std::vector<Index> seeds = detail::bending_vertices(rings, weights, poses[p], options.rigid_tolerance);
+      const Points<double>* morph = p < poses.size() ? nullptr : &options.morphs[p - poses.size()];
+      const std::vector<Index> seeds =
+          morph ? detail::moved_vertices(mesh, rings, *morph)
+                : detail::bending_vertices(rings, weights, poses[p], options.rigid_tolerance);
       if (seeds.empty() || context.cancelled()) continue;
       const auto place = [&](std::span<const Index> vertices) {
         Points<double> points(static_cast<Eigen::Index>(vertices.size()), 3);
-        SkinWeights rows(static_cast<Index>(vertices.size()), weights.cols());
-        Index entries = 0;
-        for (const Index v : vertices) entries += static_cast<Index>(weights.innerVector(v).nonZeros());
-        rows.reserve(entries);
         for (std::size_t k = 0; k < vertices.size(); ++k) {
           points.row(static_cast<Eigen::Index>(k)) = mesh.positions().row(vertices[k]);
-          rows.startVec(static_cast<Index>(k));
-          for (SkinWeights::InnerIterator it(weights, vertices[k]); it; ++it)
-            rows.insertBack(static_cast<Index>(k), it.col()) = it.value();
+          if (morph) points.row(static_cast<Eigen::Index>(k)) += morph->row(vertices[k]);
         }
-        rows.finalize();
-        return skin(points, rows, poses[p], options.skinning);
+        return morph ? points : skin(points, rows_of(weights, vertices), poses[p], options.skinning);
       };
       evaluator.run(seeds, options.least_area_ratio, place, [&](Index f, Form form) {
         form.weight = pose_weight(p) / total;

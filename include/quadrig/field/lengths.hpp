@@ -9,6 +9,7 @@ namespace quadrig {
 /// Logarithms of the wanted |u| and |v| a face, and how much each face insists (per unit of area; 0: no target).
 struct DensityTargets {
   std::vector<double> log_u, log_v, weight;
+  std::vector<double> length{};  ///< of smoothing, a face; empty: the same everywhere
 };
 
 /// Minimizes Σ_e length² w_e |Δ log density|² + Σ_f A_f weight_f |log density − target|², w_e Dirichlet weights: across

@@ -13,13 +13,16 @@ Expected<DensityTargets> smooth_log_densities(const TriangleMesh<Scalar>& mesh, 
     return Error{ErrorCode::bad_option, "a length is positive", "densities, smoothing_length", "use an edge length"};
   const double total = static_cast<double>(mesh.total_area());
   const std::vector<double> weights = dirichlet_weights(mesh);
-  const double factor = smoothing_length * smoothing_length / total;
+  const auto length = [&](Index f) {
+    return targets.length.empty() ? smoothing_length : targets.length[static_cast<std::size_t>(f)];
+  };
   const RowTerm smoothness{"density smoothness", [&](EmitRow<Scalar> emit) {
                              constexpr std::array<Scalar, 2> difference{1, -1};
                              for (Index h = 0; h < mesh.halfedge_count(); ++h) {
                                const Index twin = mesh.twin(h);
                                if (twin == no_index || twin < h) continue;
                                const Index odd = matching.r[static_cast<std::size_t>(h)] & 1;
+                               const double factor = length(h / 3) * length(twin / 3) / total;
                                for (Index k = 0; k < 2; ++k) {
                                  const std::array<Index, 2> at{2 * (h / 3) + k, 2 * (twin / 3) + (k ^ odd)};
                                  emit(Row<Scalar>{at, difference, 0, factor * weights[static_cast<std::size_t>(h)]});

@@ -2,8 +2,8 @@
 #pragma once
 
 #include "quadrig/fit.hpp"
-#include "quadrig/fit/border_samples.hpp"
 #include "quadrig/fit/influences.hpp"
+#include "quadrig/fit/line_samples.hpp"
 #include "quadrig/fit/normal_equations.hpp"
 #include "quadrig/fit/posed_rows.hpp"
 
@@ -28,14 +28,15 @@ namespace detail {
 class LeastSquaresFit {
  public:
   LeastSquaresFit(const TriangleMesh<double>& surface, QuadMesh quads, const FitMotion& motion, std::vector<char> held,
-                  const FitOptions& options, Context& context)
+                  const EdgeMarks& kept, const FitOptions& options, Context& context)
       : surface_(surface),
         motion_(motion),
         options_(options),
         context_(context),
         quads_(std::move(quads)),
         start_(quads_.positions),
-        held_(std::move(held)) {}
+        held_(std::move(held)),
+        lines_(surface, options.method == FitMethod::subdivision ? EdgeMarks{} : kept) {}
 
   [[nodiscard]] Expected<FittedQuads> run(const SolverFactory<double>& factory) {
     FittedQuads result;
@@ -109,29 +110,56 @@ class LeastSquaresFit {
     if (context_.cancelled()) return cancelled_error("fit");
     samples_->place(quads_.positions);
     if (context_.cancelled()) return cancelled_error("fit");
-    constexpr double across_quad = 4;  // samples of a border
+    constexpr double across_quad = 4;  // samples of a line
     const double side = std::sqrt(surface_.total_area() / std::max<Index>(1, quads_.quad_count()));
-    if (basis_->is_flat())
-      borders_.emplace(*basis_);
-    else
-      borders_.emplace(surface_, *basis_, side / across_quad);
+    line_samples_.emplace(surface_, lines_, quads_, *basis_, side / across_quad);
     return {};
   }
-  /// Border vertices of flat quads lie on the border already; those of a cage are fitted to it, but for its corners.
+  /// Vertices on lines are fitted to them, but for their corners. On a border beside the surface's, and of a cage where
+  /// two sides of one quad are border, they stay.
   void hold_vertices() {
     held_.resize(at(quads_.vertex_count()), 0);
-    for (Index v = 0; v < quads_.vertex_count(); ++v)
-      if (!has_quads(v)) held_[at(v)] = 1;
-    if (!basis_->is_flat()) {
-      const QuadCorners corners(quads_);
-      for (Index v = 0; v < quads_.vertex_count(); ++v)
-        if (corners.at(v).size() == 1) held_[at(v)] = 1;
-      return;
+    const QuadCorners corners(quads_);
+    for (Index v = 0; v < quads_.vertex_count(); ++v) {
+      if (!has_quads(v))
+        held_[at(v)] = 1;
+      else if (!basis_->is_flat())
+        held_[at(v)] = held_[at(v)] || corners.at(v).size() == 1;
+      else if (lines_.at_corner(quads_.source[at(v)]))
+        held_[at(v)] = 1;
     }
     const DrawnQuads cage(quads_);
-    for (Index side = 0; side < 4 * quads_.quad_count(); ++side)
-      if (cage.twin(side) == no_index)
-        held_[at(quads_.quads(side / 4, side % 4))] = held_[at(quads_.quads(side / 4, (side + 1) % 4))] = 1;
+    for (Index side = 0; side < 4 * quads_.quad_count(); ++side) {
+      if (cage.twin(side) != no_index) continue;
+      for (const int i : {side % 4, (side + 1) % 4}) {
+        const Index v = quads_.quads(side / 4, i);
+        on_border_.push_back(v);
+        if (basis_->is_flat() && !lines_.lies_on(quads_.source[at(v)])) held_[at(v)] = 1;
+      }
+    }
+    tie_coincident();
+  }
+  /// Border vertices at one place move as one, or not at all.
+  void tie_coincident() {
+    leader_.resize(at(quads_.vertex_count()));
+    std::iota(leader_.begin(), leader_.end(), Index{0});
+    const auto place = [&](Index v) { return std::array<double, 3>{start_(v, 0), start_(v, 1), start_(v, 2)}; };
+    std::sort(on_border_.begin(), on_border_.end(),
+              [&](Index v, Index w) { return std::pair(place(v), v) < std::pair(place(w), w); });
+    on_border_.erase(std::unique(on_border_.begin(), on_border_.end()), on_border_.end());
+    for (std::size_t k = 0, first = 0; k < on_border_.size(); ++k) {
+      if (place(on_border_[k]) != place(on_border_[first])) first = k;
+      leader_[at(on_border_[k])] = on_border_[first];
+      if (k == first || !held_[at(on_border_[k])]) continue;
+      held_[at(on_border_[first])] = 1;
+    }
+    // Two corners of one quad do not lie at one place; where they do they are left alone.
+    for (Index q = 0; q < quads_.quad_count(); ++q)
+      for (int i = 0; i < 4; ++i)
+        for (int j = 0; j < i; ++j)
+          if (leader_[at(quads_.quads(q, i))] == leader_[at(quads_.quads(q, j))])
+            held_[at(leader_[at(quads_.quads(q, i))])] = 1;
+    for (std::size_t v = 0; v < leader_.size(); ++v) held_[v] = held_[at(leader_[v])];
   }
   [[nodiscard]] bool has_quads(Index v) const { return !basis_->drawn().corners().at(basis_->drawn_vertex(v)).empty(); }
   [[nodiscard]] std::vector<std::span<const Index>> patches() const {
@@ -265,7 +293,7 @@ class LeastSquaresFit {
     void collect(Index quad) {
       const std::span<const Index> patch = fit_.basis_->patch(quad);
       const auto size = static_cast<Eigen::Index>(patch.size());
-      std::size_t most = 2 * fit_.borders_->on(quad).size();
+      std::size_t most = 2 * fit_.line_samples_->on(quad).size();
       for (const std::size_t s : fit_.samples_->on(quad)) most += 1 + fit_.rows_->of(s).size();
       if (gradients_.rows() != 3 * size || gradients_.cols() < static_cast<Eigen::Index>(most)) {
         gradients_.resize(3 * size, static_cast<Eigen::Index>(most));
@@ -303,10 +331,10 @@ class LeastSquaresFit {
         }
       }
     }
-    /// After collect(): the rows of the quad's part of the border.
-    void collect_border(Index quad) {
-      for (const std::size_t s : fit_.borders_->on(quad))
-        collect_border((*fit_.borders_)[s], fit_.basis_->patch(quad).size());
+    /// After collect(): the rows of the quad's part of lines.
+    void collect_lines(Index quad) {
+      for (const std::size_t s : fit_.line_samples_->on(quad))
+        collect_line((*fit_.line_samples_)[s], fit_.basis_->patch(quad).size());
     }
     [[nodiscard]] auto gradients() const { return gradients_.leftCols(count_); }
     [[nodiscard]] auto residuals() const { return residuals_.head(count_); }
@@ -315,8 +343,8 @@ class LeastSquaresFit {
    private:
     using Transform = Eigen::Matrix<double, 3, 4>;
 
-    /// A border sample counts as a strip half as wide as its quad's side is long.
-    void collect_border(const BorderSamples::Sample& sample, std::size_t size) {
+    /// A sample of a line counts as a strip half as wide as its quad's side is long.
+    void collect_line(const LineSamples::Sample& sample, std::size_t size) {
       const DrawnQuads& drawn = fit_.basis_->drawn();
       const Index quad = sample.side / 4, cage = fit_.basis_->cage_of(quad);
       const int i = sample.side % 4, j = (i + 1) % 4;
@@ -419,7 +447,7 @@ class LeastSquaresFit {
     std::vector<Index> unknown(at(quads_.vertex_count()), no_index);
     Index unknowns = 0;
     for (std::size_t v = 0; v < unknown.size(); ++v)
-      if (!held_[v]) unknown[v] = unknowns++;
+      if (!held_[v]) unknown[v] = leader_[v] == static_cast<Index>(v) ? unknowns++ : unknown[at(leader_[v])];
     if (unknowns == 0) return {};
     BlockEquations<3> equations(std::move(unknown), unknowns, patches());
     Expected<AnySolver<double>> solver = factory();
@@ -438,7 +466,7 @@ class LeastSquaresFit {
   }
   void place() {
     samples_->place(quads_.positions);
-    borders_->place();
+    line_samples_->place();
   }
 
   void assemble(BlockEquations<3>& equations) const {
@@ -453,7 +481,7 @@ class LeastSquaresFit {
         Eigen::MatrixXd weighted;
         for (std::size_t k = from; k < to; ++k) {
           rows.collect(begin + static_cast<Index>(k));
-          rows.collect_border(begin + static_cast<Index>(k));
+          rows.collect_lines(begin + static_cast<Index>(k));
           weighted = rows.gradients() * rows.weights().asDiagonal();
           block[k].noalias() = weighted * rows.gradients().transpose();
           right[k].noalias() = weighted * rows.residuals();
@@ -510,8 +538,7 @@ class LeastSquaresFit {
       for (int i = 0; i < 4; ++i) {
         const Index v = quads_.quads(static_cast<Index>(q), i), w = quads_.quads(static_cast<Index>(q), (i + 1) % 4);
         const double length = options_.largest_move * (start_.row(v) - start_.row(w)).norm();
-        reach[at(v)] = std::min(reach[at(v)], length);
-        reach[at(w)] = std::min(reach[at(w)], length);
+        for (const Index end : {v, w}) reach[at(leader_[at(end)])] = std::min(reach[at(leader_[at(end)])], length);
       }
     }
     Points<double> wish = from;
@@ -521,12 +548,12 @@ class LeastSquaresFit {
       Vector3 whole = from.row(static_cast<Index>(v)).transpose();
       for (int c = 0; c < 3; ++c) whole[c] += x[at(3 * i + c)];
       const Vector3 home = start_.row(static_cast<Index>(v)).transpose();
-      if (const double length = (whole - home).norm(); length > reach[v])
-        whole = home + reach[v] / length * (whole - home);
+      const double most = reach[at(leader_[v])];
+      if (const double length = (whole - home).norm(); length > most) whole = home + most / length * (whole - home);
       wish.row(static_cast<Index>(v)) = whole.transpose();
     }
     const auto go = [&](Index v) {
-      quads_.positions.row(v) = from.row(v) + share[at(v)] * (wish.row(v) - from.row(v));
+      quads_.positions.row(v) = from.row(v) + share[at(leader_[at(v)])] * (wish.row(v) - from.row(v));
     };
     for (Index v = 0; v < quads_.vertex_count(); ++v) go(v);
     const QuadCorners cage(quads_);
@@ -539,13 +566,14 @@ class LeastSquaresFit {
         if (scaled_jacobian(quads_.positions, quads_.quads.row(q)) >= std::min(options_.accepted, before[at(q)]))
           continue;
         for (int i = 0; i < 4; ++i) {
-          const Index v = quads_.quads(q, i);
+          const Index v = leader_[at(quads_.quads(q, i))];
           if (share[at(v)] == 0) continue;
           share[at(v)] = round < halvings ? share[at(v)] / 2 : 0;
           touched.push_back(v);
         }
       }
       suspects.clear();
+      add_coincident(touched);
       for (const Index v : touched) {
         go(v);
         for (const Index c : cage.at(v)) suspects.push_back(c / 4);
@@ -555,6 +583,15 @@ class LeastSquaresFit {
     }
   }
 
+  /// To leaders those that they lead.
+  void add_coincident(std::vector<Index>& leaders) const {
+    if (on_border_.empty()) return;
+    std::sort(leaders.begin(), leaders.end());
+    for (const Index v : on_border_)
+      if (leader_[at(v)] != v && std::binary_search(leaders.begin(), leaders.end(), leader_[at(v)]))
+        leaders.push_back(v);
+  }
+
   const TriangleMesh<double>& surface_;
   const FitMotion& motion_;
   const FitOptions& options_;
@@ -562,10 +599,13 @@ class LeastSquaresFit {
   QuadMesh quads_;
   const Points<double> start_;
   std::vector<char> held_;
-  SkinWeights weights_;  // of the vertices
+  const SurfaceLines lines_;
+  std::vector<Index> on_border_;  // vertices, those at one place together
+  std::vector<Index> leader_;     // of each vertex the one that it moves with
+  SkinWeights weights_;           // of the vertices
   std::optional<FitBasis> basis_;
   std::optional<PlacedSamples> samples_;
-  std::optional<BorderSamples> borders_;
+  std::optional<LineSamples> line_samples_;
   const PosedRows* rows_ = nullptr;
   std::vector<Points<double>> morphs_;  // of the vertices
 };
@@ -574,9 +614,10 @@ class LeastSquaresFit {
 
 QUADRIG_INLINE Expected<FittedQuads> fit(const TriangleMesh<double>& surface, QuadMesh quads, const FitMotion& motion,
                                          std::vector<char> held, const FitOptions& options, Context& context,
-                                         const SolverFactory<double>& solver) {
+                                         const SolverFactory<double>& solver, const EdgeMarks& kept) {
   if (Status status = options.validate(); !status.ok()) return status.error();
-  return detail::LeastSquaresFit(surface, std::move(quads), motion, std::move(held), options, context).run(solver);
+  return detail::LeastSquaresFit(surface, std::move(quads), motion, std::move(held), kept, options, context)
+      .run(solver);
 }
 
 }  // namespace quadrig

@@ -10,7 +10,7 @@ template <int size>
 class BlockEquations {
  public:
   using Block = Eigen::Matrix<double, size, size>;
-  /// \param unknown of each vertex, ascending from 0; no_index: does not move and has none
+  /// \param unknown of each vertex; no_index: does not move and has none; the same of several: they move as one
   /// \param patches vertices of each
   template <class Patches>
   BlockEquations(std::vector<Index> unknown, Index unknowns, const Patches& patches)
@@ -55,6 +55,10 @@ class BlockEquations {
   void add(Index v, Index w, const Block& block) {
     const Index i = unknown(v), j = unknown(w);
     if (i == no_index || j == no_index) return;
+    if (i == j && v != w) {  // which share their unknown
+      add(v, v, block + block.transpose());
+      return;
+    }
     if (i < j) {
       add(w, v, block.transpose());
       return;

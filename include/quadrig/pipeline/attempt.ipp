@@ -139,9 +139,9 @@ class AttemptRun {
   }
   /// Edge of the quads along a loop.
   [[nodiscard]] double edge_along(const FaceLoop& loop) const {
-    if (!shared_.asset.sizes) return shared_.edge;
+    if (!sizes()) return shared_.edge;
     double density = 0;
-    for (const Index h : loop.crossed) density += shared_.asset.sizes->density[at(piece_.parent[at(h / 3)])];
+    for (const Index h : loop.crossed) density += sizes()->density[at(piece_.parent[at(h / 3)])];
     return shared_.edge / std::sqrt(density / static_cast<double>(loop.crossed.size()));
   }
   /// Quads need no longer close along the loops through the corners of these faces, where there is no trouble in the
@@ -215,9 +215,9 @@ class AttemptRun {
     SpanTimer span(context_, "map", count_of(mesh_.face_count(), "triangle"));
     FrameField frames = field.frames;
     const RemeshShared& asset = shared_.asset;
-    if (asset.sizes) {
+    if (sizes()) {
       Expected<FrameField> sized =
-          apply_sizes(mesh_, connection, *asset.sizes, asset.connection, piece_.parent, shared_.quads, shared_.area,
+          apply_sizes(mesh_, connection, *sizes(), asset.connection, piece_.parent, shared_.quads, shared_.area,
                       field.matching, std::move(frames), context_, real_solver_);
       if (!sized) return map_error("sizes: " + sized.error().message());
       frames = std::move(*sized);
@@ -306,6 +306,9 @@ class AttemptRun {
     return Outcome::poor;
   }
 
+  [[nodiscard]] const SizeField* sizes() const {
+    return shared_.asset.rounded && !attempt_.keeps_features ? shared_.asset.rounded : shared_.asset.sizes;
+  }
   // Where the quads go: the triangles of the attempt, or what they stand for.
   [[nodiscard]] const TriangleMesh<double>& surface_mesh() const {
     return piece_.source.empty() ? mesh_ : shared_.original.asset.mesh;

@@ -21,6 +21,7 @@ struct RemeshShared {
   const RemeshOptions& options;
   const SizingOptions& sizing;
   const SizeField* sizes = nullptr;     ///< null: the field's own magnitudes
+  const SizeField* rounded = nullptr;   ///< of quads that do not keep `kept`; null: the same
   const PosedMetric* metric = nullptr;  ///< null: no posed directions
   const EdgeMarks& kept;                ///< of the asset's mesh
   const OwnDirections* own = nullptr;   ///< null: the caller gives none

@@ -45,9 +45,16 @@ class Finisher {
     const Stopwatch watch;
     const SpanTimer span(context_, "fit");
     std::vector<char> held = quads_.held;
-    // Lines of edges that are kept are smooth in a cage, as a renderer without creases of its own makes them.
-    if (options_.fit.method != FitMethod::subdivision)
-      for (std::size_t v = 0; v < held.size(); ++v) held[v] = held[v] || quads_.on_features[v];
+    // Lines of edges that are kept are smooth in a cage, as a renderer without creases of its own makes them. Flat
+    // quads are fitted to those that are edges of the surface.
+    if (options_.fit.method != FitMethod::subdivision) {
+      const bool fitted = options_.fit.method == FitMethod::surface && !quads_.kept.empty();
+      const std::optional<EdgeCurves> curves =
+          fitted ? std::optional<EdgeCurves>(std::in_place, mesh_, quads_.kept) : std::nullopt;
+      constexpr double near = 1e-6;
+      for (std::size_t v = 0; v < held.size(); ++v)
+        if (quads_.on_features[v] && !(curves && curves->under(quads_.mesh.source[v], near) != no_index)) held[v] = 1;
+    }
     if (options_.fit.method == FitMethod::slide)
       (void)slide(mesh_, quads_.targets, beside_surface_held(held), options_.fit.slide, quads_.mesh, context_);
     if (context_.cancelled()) return cancelled_error("fit");
@@ -67,7 +74,7 @@ class Finisher {
     motion.influences = options_.influences;
     motion.morphs = options_.morphs;
     Expected<FittedQuads> fitted = fit(mesh_, std::move(quads_.mesh), motion, std::move(held), options_.fit, context_,
-                                       options_.solver.factory<double>());
+                                       options_.solver.factory<double>(), quads_.kept);
     if (!fitted) return fitted.error();
     if (bent) fitted->weights = with_all_bones(*fitted->weights, bends);
     if (quads_.report.symmetry.plane && !quads_.twin.empty()) make_alike(*fitted);

@@ -163,6 +163,7 @@ class Remesher {
     if (context_.cancelled()) return cancelled_error("remesh");
     context_.progress("metric", 0);
     if (Status status = find_mirror(); !status.ok()) return status.error();
+    quads_.kept = kept_edges(asset_, options_);
     if (Status status = measure(connection); !status.ok()) return status.error();
     if (Status status = remesh_parts(connection); !status.ok()) return status.error();
     if (Status status = gather(); !status.ok()) return status.error();
@@ -177,11 +178,11 @@ class Remesher {
   [[nodiscard]] bool sized() const { return sizing_.density != DensitySource::field || !sizing_.own_density.empty(); }
 
   /// Edge of the quads along a loop.
-  [[nodiscard]] double edge_along(const FaceLoop& loop) const {
+  [[nodiscard]] double edge_along(const FaceLoop& loop, const SizeField& sizes) const {
     const double mean = std::sqrt(mesh_.total_area() / options_.quads);
     if (!sized()) return mean;
     double density = 0;
-    for (const Index h : loop.crossed) density += sizes_.density[at(TriangleMesh<double>::face_of(h))];
+    for (const Index h : loop.crossed) density += sizes.density[at(TriangleMesh<double>::face_of(h))];
     return mean / std::sqrt(density / static_cast<double>(loop.crossed.size()));
   }
 
@@ -192,7 +193,7 @@ class Remesher {
     const auto& plane = quads_.report.symmetry.plane;
     if (asset_.rig && options_.preset == FieldPreset::standard)
       pull_along_hinges(
-          mesh_, *asset_.rig, options_.loops, [&](const FaceLoop& loop) { return edge_along(loop); }, all);
+          mesh_, *asset_.rig, options_.loops, [&](const FaceLoop& loop) { return edge_along(loop, sizes_); }, all);
     pull_along_guides(mesh_, options_.guides, plane ? &*plane : nullptr, all);
     all.insert(all.end(), options_.directions.own.begin(), options_.directions.own.end());
     if (all.empty()) return own;
@@ -206,7 +207,8 @@ class Remesher {
   }
 
   /// A face; empty where the field's own magnitudes count.
-  [[nodiscard]] std::vector<double> wanted_density(std::span<const double> omega1) const {
+  [[nodiscard]] std::vector<double> wanted_density(std::span<const double> omega1,
+                                                   const std::optional<PosedMetric>& metric) const {
     const std::size_t m = at(mesh_.face_count());
     const std::vector<double>& own = sizing_.own_density;
     if (own.size() == m) return own;
@@ -226,7 +228,7 @@ class Remesher {
         break;
       case DensitySource::rest:
       case DensitySource::posed:
-        density = metric_->density;
+        density = metric->density;
         break;
       case DensitySource::field:
         break;
@@ -237,8 +239,8 @@ class Remesher {
   [[nodiscard]] bool by_hand() const { return !options_.density_factors.empty() || !options_.bone_density.empty(); }
 
   /// The factors that the caller gives.
-  void multiply_density() {
-    if (!by_hand() || sizes_.density.empty()) return;
+  void multiply_density(SizeField& sizes) const {
+    if (!by_hand() || sizes.density.empty()) return;
     std::vector<double> factors = options_.density_factors;
     if (factors.size() != at(mesh_.face_count())) factors = on_faces(factors);
     if (!options_.bone_density.empty()) {
@@ -247,15 +249,15 @@ class Remesher {
       const std::vector<double> moved = on_faces(vertex_factors(asset_.rig->weights, of_bone));
       for (std::size_t f = 0; f < moved.size(); ++f) factors[f] *= moved[f];
     }
-    for (std::size_t f = 0; f < factors.size(); ++f) sizes_.density[f] *= factors[f];
+    for (std::size_t f = 0; f < factors.size(); ++f) sizes.density[f] *= factors[f];
   }
   /// Where the caller asks for loops at a joint by its name, its bend gets the rows that they need.
-  void make_room_for_loops() {
+  void make_room_for_loops(SizeField& sizes) const {
     if (!asset_.rig || options_.preset != FieldPreset::standard || options_.loops.of_joints.empty()) return;
     const std::vector<Index> wanted = named_loops(
         asset_.rig->skeleton, options_.loops, quads_.report.symmetry.plane ? &*quads_.report.symmetry.plane : nullptr);
     for (const Hinge& hinge : find_hinges(mesh_, *asset_.rig))
-      densify_bend(mesh_, hinge, wanted[at(hinge.bone)], edge_along(hinge.loop), sizes_.density);
+      densify_bend(mesh_, hinge, wanted[at(hinge.bone)], edge_along(hinge.loop, sizes), sizes.density);
   }
   /// Of values a vertex the mean of the corners; 1 where there are none.
   [[nodiscard]] std::vector<double> on_faces(const std::vector<double>& of_vertex) const {
@@ -284,53 +286,80 @@ class Remesher {
       }
     }
     if (context_.cancelled()) return cancelled_error("remesh");
-    if (Status status = measure_curvature(connection, omega1); !status.ok()) return status;
-    sizes_.largest_aspect = sizing_.largest_aspect;
-    sizes_.density = wanted_density(omega1);
-    multiply_density();
-    if (sized()) make_room_for_loops();
+    if (Status status = make_sizes(connection, omega1, quads_.kept, sizes_, metric_); !status.ok()) return status;
+    if (!quads_.kept.empty() && !asks_for_features(options_)) {
+      std::optional<PosedMetric> unused;
+      rounded_.emplace();
+      if (Status status = make_sizes(connection, omega1, {}, *rounded_, unused); !status.ok()) return status;
+    }
+    quads_.report.seconds.metric = watch.seconds();
+    return {};
+  }
+  /// \param kept edges that quads do not cross
+  [[nodiscard]] Status make_sizes(const Connection<double>& connection, const std::vector<double>& omega1,
+                                  const EdgeMarks& kept, SizeField& sizes, std::optional<PosedMetric>& metric) {
+    if (Status status = measure_curvature(connection, omega1, kept, sizes, metric); !status.ok()) return status;
+    sizes.largest_aspect = sizing_.largest_aspect;
+    sizes.density = wanted_density(omega1, metric);
+    multiply_density(sizes);
+    if (sized()) make_room_for_loops(sizes);
     if (context_.cancelled()) return cancelled_error("remesh");
     if (sized() && (sizing_.density != DensitySource::uniform || !sizing_.own_density.empty() || by_hand()))
-      sizes_.density = graded_density(mesh_, sizes_.density, options_.quads, sizing_.gradation, context_);
+      sizes.density = graded_density(mesh_, sizes.density, options_.quads, sizing_.gradation, context_);
     if (context_.cancelled()) return cancelled_error("remesh");
-    quads_.report.seconds.metric = watch.seconds();
     return {};
   }
 
   /// Where sizes or directions come from it.
-  [[nodiscard]] Status measure_curvature(const Connection<double>& connection, const std::vector<double>& omega1) {
+  [[nodiscard]] Status measure_curvature(const Connection<double>& connection, const std::vector<double>& omega1,
+                                         const EdgeMarks& kept, SizeField& sizes, std::optional<PosedMetric>& metric) {
     const SpanTimer span(context_, "curvature");
     const bool posed = sizing_.density == DensitySource::posed || options_.directions.posed > 0;
     if (!posed && sizing_.density != DensitySource::rest) return {};
-    if (posed && asset_.rig) {
-      PosedForms::Options form_options;
-      SurfaceBends bends;
-      const bool bent = options_.poses.empty();
-      if (bent) {
-        bends = surface_bends(asset_.rig->skeleton, asset_.rig->weights, options_.bend_degrees);
-        form_options.rest_weight += bends.still;  // in these poses the surface has its rest shape
-        if (bends.left_out > 0)
-          context_.warn("metric", std::to_string(bends.left_out) + " bones are not bent, since there are so many");
-      } else {
-        form_options.pose_weights = options_.pose_weights;
-      }
-      Expected<PosedForms> forms = PosedForms::create(mesh_, connection, bent ? bends.weights : asset_.rig->weights,
-                                                      bent ? bends.poses : options_.poses, form_options, context_);
+    // How far the surface bends at a kept edge is no error of quads that end there.
+    std::optional<CutOpen> open;
+    if (!kept.empty()) open = cut_open(mesh_, kept);
+    const TriangleMesh<double>& mesh = open ? open->mesh : mesh_;
+    if (posed && (asset_.rig || !options_.morphs.empty())) {
+      Expected<PosedForms> forms = posed_forms(mesh, connection, open ? &open->parent : nullptr);
       if (!forms) return forms.error();
-      sizes_.forms = std::move(*forms);
-      if (options_.fit.method == FitMethod::slide) quads_.targets.set_bending(connection, sizes_.forms, context_);
+      sizes.forms = std::move(*forms);
+      if (options_.fit.method == FitMethod::slide) quads_.targets.set_bending(connection, sizes.forms, context_);
     } else {
-      sizes_.forms = PosedForms::at_rest(mesh_, connection);
+      sizes.forms = PosedForms::at_rest(mesh, connection);
     }
-    PosedMetricOptions metric;
-    metric.largest_aspect = sizing_.largest_aspect;
-    metric.joint_weight = sizing_.joint_weight;
-    metric.least_density = sizing_.least_density;
-    metric.largest_density = sizing_.largest_density;
-    Expected<PosedMetric> made = posed_metric(mesh_, sizes_.forms, omega1, metric, context_);
+    PosedMetricOptions options;
+    options.largest_aspect = sizing_.largest_aspect;
+    options.joint_weight = sizing_.joint_weight;
+    options.least_density = sizing_.least_density;
+    options.largest_density = sizing_.largest_density;
+    Expected<PosedMetric> made = posed_metric(mesh_, sizes.forms, omega1, options, context_);
     if (!made) return made.error();
-    metric_ = std::move(*made);
+    metric = std::move(*made);
     return {};
+  }
+  /// \param parent vertices of the asset that those of the mesh are, where it is cut open
+  [[nodiscard]] Expected<PosedForms> posed_forms(const TriangleMesh<double>& mesh, const Connection<double>& connection,
+                                                 const std::vector<Index>* parent) const {
+    PosedForms::Options form_options;
+    SurfaceBends bends;
+    if (asset_.rig && options_.poses.empty()) {
+      bends = surface_bends(asset_.rig->skeleton, asset_.rig->weights, options_.bend_degrees);
+      form_options.rest_weight += bends.still;  // in these poses the surface has its rest shape
+      if (bends.left_out > 0)
+        context_.warn("metric", std::to_string(bends.left_out) + " bones are not bent, since there are so many");
+    } else if (asset_.rig) {
+      bends.poses = options_.poses;
+      bends.weights = asset_.rig->weights;
+      form_options.pose_weights = options_.pose_weights;
+    }
+    std::vector<Points<double>> morphs = options_.morphs;
+    if (parent) {
+      if (asset_.rig) bends.weights = rows_of(bends.weights, *parent);
+      for (Points<double>& morph : morphs) morph = Points<double>(morph(*parent, Eigen::all));
+    }
+    form_options.morphs = morphs;
+    return PosedForms::create(mesh, connection, bends.weights, bends.poses, form_options, context_);
   }
 
   /// The mirror plane, where one is asked for and there is one.
@@ -385,7 +414,7 @@ class Remesher {
 
   /// Each component with its share of the count.
   [[nodiscard]] Status remesh_parts(const Connection<double>& connection) {
-    const EdgeMarks kept = kept_edges(asset_, options_);
+    const EdgeMarks& kept = quads_.kept;
     std::vector<double> due, least;
     if (Status status = plan(kept, due, least); !status.ok()) return status;
     const OwnDirections given = own_directions();
@@ -394,6 +423,7 @@ class Remesher {
                               options_,
                               sizing_,
                               sized() ? &sizes_ : nullptr,
+                              sized() && rounded_ ? &*rounded_ : nullptr,
                               metric_ ? &*metric_ : nullptr,
                               kept,
                               given.direction.empty() ? nullptr : &given,
@@ -627,6 +657,7 @@ class Remesher {
   const SizingOptions sizing_;
   Context& context_;
   SizeField sizes_;
+  std::optional<SizeField> rounded_;  // of quads that do not keep the creases that nobody asked for
   std::optional<PosedMetric> metric_;
   std::vector<std::vector<Index>> faces_;  // of each component
   std::vector<MirrorPart> mirror_;         // of each component
