@@ -188,6 +188,7 @@ typedef struct quadrig_options {
   uint32_t joint_loop_count;      /* entries of the next two */
   const char* const* loop_joints; /* names of joints, in which * stands for anything */
   const uint32_t* joint_loops;    /* rings round these; the last name that fits counts */
+  size_t rings;                   /* round eyes and mouth, of what has a rig, where the count allows: 3 */
 } quadrig_options;
 
 QUADRIG_C_API void quadrig_options_init(quadrig_options* options, size_t size);
