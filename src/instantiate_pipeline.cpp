@@ -7,3 +7,4 @@
 #include "quadrig/pipeline/hinges.ipp"
 #include "quadrig/pipeline/mapped_quads.ipp"
 #include "quadrig/pipeline/remesh.ipp"
+#include "quadrig/pipeline/rims.ipp"

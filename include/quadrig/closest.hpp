@@ -51,6 +51,10 @@ class ClosestPoint {
     return filter.normal.squaredNorm() > 0 ? search<true>(p, filter) : search<false>(p, filter);
   }
 
+  /// Whether a ray meets the surface farther than `beyond` times `direction` from its origin.
+  /// \cost O(log m) for most rays. Source: Möller and Trumbore, Fast, Minimum Storage Ray/Triangle Intersection.
+  [[nodiscard]] bool meets(const Vector3& origin, const Vector3& direction, double beyond) const;
+
  private:
   struct Box {
     Vector3 low, high;
@@ -243,6 +247,55 @@ SurfaceHit ClosestPoint::search(const Vector3& p, const ClosestFilter& filter) c
     }
   }
   return best;
+}
+
+inline bool ClosestPoint::meets(const Vector3& origin, const Vector3& direction, double beyond) const {
+  if (nodes_.empty()) return false;
+  const Vector3 inverse = direction.cwiseInverse();
+  const auto through = [&](const Box& box) {
+    double from = beyond, to = std::numeric_limits<double>::infinity();
+    for (int i = 0; i < 3; ++i) {
+      if (direction[i] == 0) {
+        if (origin[i] < box.low[i] || origin[i] > box.high[i]) return false;
+        continue;
+      }
+      const double a = (box.low[i] - origin[i]) * inverse[i], b = (box.high[i] - origin[i]) * inverse[i];
+      from = std::max(from, std::min(a, b));
+      to = std::min(to, std::max(a, b));
+    }
+    return from <= to;
+  };
+  const auto hit = [&](const Corner3& t) {
+    const Vector3 ab = t.b - t.a, ac = t.c - t.a, p = direction.cross(ac), q = origin - t.a;
+    const double determinant = ab.dot(p);
+    if (determinant == 0) return false;
+    const double u = q.dot(p) / determinant;
+    if (!(u >= 0 && u <= 1)) return false;
+    const Vector3 r = q.cross(ab);
+    const double v = direction.dot(r) / determinant;
+    return v >= 0 && u + v <= 1 && ac.dot(r) / determinant > beyond;
+  };
+  Index stack[64];  // as in `search`
+  int depth = 0;
+  stack[depth++] = 0;
+  while (depth > 0) {
+    Index id = stack[--depth];
+    if (!through(nodes_[static_cast<std::size_t>(id)].box)) continue;
+    for (;;) {
+      const Node& node = nodes_[static_cast<std::size_t>(id)];
+      if (node.count > 0) {
+        for (Index k = node.first; k < node.first + node.count; ++k)
+          if (hit(triangles_[static_cast<std::size_t>(k)])) return true;
+        break;
+      }
+      const bool left = through(nodes_[static_cast<std::size_t>(id + 1)].box),
+                 right = through(nodes_[static_cast<std::size_t>(node.second)].box);
+      if (!left && !right) break;
+      if (left && right) stack[depth++] = node.second;
+      id = left ? id + 1 : node.second;
+    }
+  }
+  return false;
 }
 
 inline SurfaceHit walk_closest(const TriangleMesh<double>& mesh, const Vector3& p, const SurfacePoint& start) {

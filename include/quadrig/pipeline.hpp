@@ -10,6 +10,7 @@
 #include "quadrig/fit.hpp"
 #include "quadrig/polish.hpp"
 #include "quadrig/quality/hinges.hpp"
+#include "quadrig/rims.hpp"
 #include "quadrig/seamless/strain.hpp"
 #include "quadrig/sizing.hpp"
 #include "quadrig/symmetry.hpp"
@@ -93,6 +94,16 @@ struct LoopOptions {
   }
 };
 
+/// Closed rings of quads round eyes, mouth and other openings; docs/map.md.
+struct RimOptions {
+  Index rings = 3;  ///< at a rim, the rim among them
+  /// The kinds that get rings where they are found. Unset: eyes and mouth, of assets with a rig; empty: none.
+  std::optional<std::vector<RimKind>> kinds{};
+  std::vector<Rim> own{};  ///< instead of those that would be found
+  /// What the density about eyes and mouth is multiplied by, from 1/64 to 64; the count stays.
+  double face_density = 1;
+};
+
 struct RemeshOptions {
   Index quads = 2000;  ///< wanted; see RemeshReport::minimum_count for surfaces that need more
   FieldPreset preset = FieldPreset::standard;
@@ -129,6 +140,7 @@ struct RemeshOptions {
   /// The plane, where the caller knows it: none is looked for.
   std::optional<MirrorPlane> mirror_plane;
   LoopOptions loops;  ///< of the standard preset, where there is a rig
+  RimOptions rims;    ///< not of the thesis preset
   PolishOptions polish;
   FitOptions fit;
   bool keep_maps = false;  ///< RemeshResult::maps
@@ -221,6 +233,16 @@ struct HingeReport {
   Index quads_for = 0;  ///< of the whole that would have as many loops; 0 where there are, or count is not what lacks
 };
 
+/// An opening that was found, and the closed rings of quads that its rim has.
+struct RimReport {
+  Rim rim;
+  Index wanted = 0;     ///< rings: RimOptions::rings, or 0 where the opening gets none
+  Index loops = 0;      ///< closed loops of edges round it, within so many quads of the rim
+  Index around = 0;     ///< quads of the shortest of them
+  Index quads_for = 0;  ///< of the whole that would have room for the rings; 0 where there was room
+  double edge = 0;      ///< of the quads beside the rim, as asked for; a length
+};
+
 struct RemeshReport {
   Index quads = 0, vertices = 0, irregular = 0;
   double scaled_jacobian_average = 0, scaled_jacobian_minimum = 0;
@@ -233,6 +255,7 @@ struct RemeshReport {
   StageBackends backends;           ///< likewise
   FitReport fit;                    ///< of all components together
   std::vector<HingeReport> hinges;  ///< where there is a rig
+  std::vector<RimReport> rims;      ///< where openings were looked for
   SymmetryReport symmetry;
 };
 
@@ -243,6 +266,12 @@ struct RemeshReport {
                                                                       const SkinWeights& weights,
                                                                       const RemeshOptions& options,
                                                                       RemeshReport& report);
+
+/// Counts the rings that quads have at openings; 0 where the quads are no manifold.
+/// \cost O(n) and the neighbourhood of each
+QUADRIG_INLINE void count_rings(const QuadMesh& quads, std::span<RimReport> rims);
+/// Of openings that have fewer rings than wanted a text for a warning; nothing where there are none.
+[[nodiscard]] QUADRIG_INLINE std::optional<std::string> lacking_rings(std::span<const RimReport> rims);
 
 /// The map that the quads of a component are the grid of.
 struct ComponentMap {
@@ -305,4 +334,5 @@ struct UnfittedQuads {
 #include "quadrig/pipeline/hinges.ipp"
 #include "quadrig/pipeline/mapped_quads.ipp"
 #include "quadrig/pipeline/remesh.ipp"
+#include "quadrig/pipeline/rims.ipp"
 #endif

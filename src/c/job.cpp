@@ -17,6 +17,7 @@ quadrig_options default_options() noexcept {
   options.bones = options.curvature = -1;
   options.posed = defaults.directions.posed;
   options.loops = static_cast<std::uint32_t>(defaults.loops.least);
+  options.rings = static_cast<std::size_t>(defaults.rims.rings);
   return options;
 }
 
@@ -55,6 +56,7 @@ Expected<RemeshOptions> remesh_options(const quadrig_options& options) {
   if (options.keep > (quadrig_keep_materials | quadrig_keep_textures | quadrig_keep_groups))
     return Error{ErrorCode::bad_option, "has a bit that there is none of", "options.keep", "add up quadrig_keep_…"};
   result.loops.least = static_cast<Index>(std::min(options.loops, most));
+  result.rims.rings = static_cast<Index>(std::min<std::size_t>(options.rings, most));
   if (options.joint_loop_count > 0 && (!options.loop_joints || !options.joint_loops))
     return Error{ErrorCode::bad_option, "is null", "options.loop_joints, options.joint_loops", "give the arrays"};
   for (std::uint32_t k = 0; k < options.joint_loop_count; ++k) {

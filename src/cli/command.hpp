@@ -58,6 +58,7 @@ void add_field(CLI::App& app, Run& run);
 void add_remesh(CLI::App& app, Run& run);
 void add_bind(CLI::App& app, Run& run);
 void add_pose(CLI::App& app, Run& run);
+void add_rims(CLI::App& app, Run& run);
 
 /// By the extension, or by how it begins: "glTF" is a binary one whatever its name.
 [[nodiscard]] bool is_gltf(const std::filesystem::path& path);

@@ -198,6 +198,7 @@ int run(int argc, char** argv) {
   cli::add_remesh(app, verb);
   cli::add_field(app, verb);
   cli::add_dominance(app, verb);
+  cli::add_rims(app, verb);
   cli::add_stats(app, verb);
   cli::add_pose(app, verb);
   cli::add_bind(app, verb);

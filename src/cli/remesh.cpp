@@ -3,6 +3,7 @@
 
 #include "map_obj.hpp"
 #include "remesh_gltf.hpp"
+#include "rims.hpp"
 
 namespace quadrig::cli {
 namespace {
@@ -30,6 +31,7 @@ struct RemeshCommand {
   double guide_width = 0, guide_weight = 1;
   bool strict_count = false;
   std::vector<std::string> loops;
+  std::string rims = "auto";
   [[nodiscard]] bool keeps(std::string_view what) const {
     return std::find(keep.begin(), keep.end(), what) != keep.end();
   }
@@ -45,7 +47,12 @@ const std::vector<Bundle>& bundles() {
       {"game", {{"--symmetry", "auto"}, {"--fit", "surface"}, {"--influences", "4"}}},
       {"film", {{"--symmetry", "auto"}, {"--fit", "subdivision"}, {"--influences", "8"}}},
       {"lod",
-       {{"--symmetry", "none"}, {"--fit", "surface"}, {"--topology", "best"}, {"--loops", "0"}, {"--influences", "4"}}},
+       {{"--symmetry", "none"},
+        {"--fit", "surface"},
+        {"--topology", "best"},
+        {"--loops", "0"},
+        {"--rims", "none"},
+        {"--influences", "4"}}},
       {"scan", {{"--preset", "static"}, {"--density", "rest"}, {"--symmetry", "none"}}},
   };
   return all;
@@ -119,6 +126,8 @@ Json options_json(const RemeshCommand& o) {
   json["loops"] = o.remesh.loops.least;
   json["joint_loops"] = Json::object();
   for (const LoopOptions::OfJoint& one : o.remesh.loops.of_joints) json["joint_loops"][one.name] = one.loops;
+  json["rims"] = o.rims;
+  json["face_density"] = o.remesh.rims.face_density;
   json["fit"] = fit_method_name(o.remesh.fit.method);
   json["symmetry"] = o.remesh.symmetry ? Json(symmetry_choice_name(*o.remesh.symmetry)) : Json(nullptr);
   json["influences"] = o.remesh.influences;
@@ -246,6 +255,8 @@ Status remesh_files(RemeshCommand options, Session& session) {
   if (gltf && options.keeps("lines"))
     return Error{ErrorCode::bad_option, "--keep lines is for OBJ files", input.files.mesh.string(), "leave it out"};
   if (Status status = read_loops(options.loops, options.remesh.loops); !status) return status;
+  if (Status status = read_rims(options.rims, options.input.load.limits, session.context, options.remesh.rims); !status)
+    return status;
   if (Status status = options.remesh.validate(); !status) return status;
   if (options.input.load.bind) {
     options.input.load.bind->influences = options.remesh.influences;
@@ -262,6 +273,7 @@ Status remesh_files(RemeshCommand options, Session& session) {
     GltfJob job;
     job.input = input.files.mesh;
     job.guides = options.guides;
+    if (!options.remesh.rims.own.empty()) job.rims = options.rims;
     job.output = options.output;
     job.report = options.report;
     job.quads_out = options.quads_out;
@@ -296,6 +308,8 @@ Status remesh_files(RemeshCommand options, Session& session) {
   if (Status status = declare(files, input, {options.output, options.report, weights_out}); !status) return status;
   if (!options.guides.empty())
     if (Status status = files.reads(options.guides); !status) return status;
+  if (!options.remesh.rims.own.empty())
+    if (Status status = files.reads(options.rims); !status) return status;
   const Stopwatch watch;
   const Expected<LoadedAsset> loaded = load(input, files, session);
   if (!loaded) return loaded.error();
@@ -417,6 +431,7 @@ void add_remesh_figures(Json& report, const RemeshReport& r, double read_seconds
                                 {"around", hinge.rings.around},
                                 {"poles", hinge.rings.poles},
                                 {"quads_for", hinge.quads_for}});
+  report["rims"] = rims_json(r.rims);
   report["field"] = {{"preset", field_preset_name(r.field.preset)},
                      {"singularities_plus", r.field.singularities_plus},
                      {"singularities_minus", r.field.singularities_minus},
@@ -493,6 +508,10 @@ void add_remesh(CLI::App& app, Run& run) {
       ->delimiter(',')
       ->allow_extra_args(false)
       ->option_text("N|NAME=N[,…] = 3");
+  verb->add_option("--rims", options->rims,
+                   "Closed rings of quads round openings: auto: round eyes and mouth, with a rig; or kinds of those "
+                   "that quadrig rims finds, eyes,mouth,nostrils,ears,pockets; or closed lines of an OBJ")
+      ->option_text("auto|none|KIND[,…]|FILE.obj = auto");
   verb->add_option_function<std::string>(
           "--fit", [&remesh](const std::string& name) { remesh.fit.method = *fit_method(name); },
           "Where vertices go: surface: off the surface, where flat quads are nearest to it at rest and bent; "
@@ -568,6 +587,11 @@ void add_remesh(CLI::App& app, Run& run) {
 
   add_factors(*verb, "--material-density", options->material_density,
               "So many times as many quads on a material; may be repeated", sizes);
+  verb->add_option("--face-density", remesh.rims.face_density,
+                   "So many times as many quads about eyes and mouth, the count being the same")
+      ->capture_default_str()
+      ->type_name("X")
+      ->group(sizes);
   verb->add_flag("--density-colors", options->density_colors,
                  "Colours of vertices say how many quads: red four times as many, cyan a quarter, grey as many")
       ->group(sizes);

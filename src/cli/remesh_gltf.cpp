@@ -21,6 +21,7 @@ RemeshReport together(std::span<const GltfRemeshed> all, const RemeshOptions& op
     sum.irregular += r.irregular;
     sum.components.insert(sum.components.end(), r.components.begin(), r.components.end());
     sum.hinges.insert(sum.hinges.end(), r.hinges.begin(), r.hinges.end());
+    sum.rims.insert(sum.rims.end(), r.rims.begin(), r.rims.end());
     sum.warnings.insert(sum.warnings.end(), r.warnings.begin(), r.warnings.end());
     sum.seconds += r.seconds;
     sum.fit += r.fit;
@@ -238,8 +239,9 @@ Status remesh_gltf_file(const GltfJob& job, Session& session) {
   const std::vector<Warning> read_warnings = session.context.warnings;
   FileSet files;
   files.replaces_beside = job.force;
-  if (!job.guides.empty())
-    if (Status status = files.reads(job.guides); !status) return status;
+  for (const std::filesystem::path& path : {job.guides, job.rims})
+    if (!path.empty())
+      if (Status status = files.reads(path); !status) return status;
   std::vector<GltfJob> levels(job.quads.size(), job);
   for (std::size_t k = 0; k < levels.size(); ++k) {
     GltfJob& level = levels[k];

@@ -8,7 +8,7 @@ namespace quadrig::cli {
 
 struct GltfJob {
   std::filesystem::path input, output, report, quads_out;
-  std::filesystem::path guides;  ///< read already; no output may be this file
+  std::filesystem::path guides, rims;  ///< read already; no output may be one of these files
   GltfRemeshOptions options;
   std::vector<Index> quads;  ///< one count a level of detail
   bool force = false;

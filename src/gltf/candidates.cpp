@@ -216,6 +216,7 @@ Expected<FieldQuads> make_field(const Gathered& gathered, const Shells& shells, 
   Expected<RemeshResult> result = fit_and_skin(part, own, std::move(*unfitted), context);
   if (!result) return result.error();
   made.result = std::move(*result);
+  count_rings(made.result.mesh, made.result.report.rims);
   // Shells have figures and warnings of their own.
   std::erase_if(made.result.report.warnings,
                 [](const Warning& warning) { return warning.stage == "coverage" || warning.stage == "count"; });
@@ -235,6 +236,17 @@ Expected<FieldQuads> make_field(const Gathered& gathered, const Shells& shells, 
     }
   }
   return made;
+}
+
+/// The quads among polygons, over all vertices of the surface.
+QuadMesh quads_of(const TriangleMesh<double>& mesh, const std::vector<Polygon>& polygons) {
+  QuadMesh quads;
+  quads.positions = mesh.positions();
+  quads.quads.resize(std::ranges::count(polygons, std::size_t{4}, &Polygon::size), 4);
+  Eigen::Index row = 0;
+  for (const Polygon& p : polygons)
+    if (p.size() == 4) quads.quads.row(row++) << p.vertex[0], p.vertex[1], p.vertex[2], p.vertex[3];
+  return quads;
 }
 
 }  // namespace
@@ -304,11 +316,19 @@ Status make_shell(const Gathered& gathered, const Shells& shells, Shell& shell, 
                                                             [](const auto& c) { return c.rung == Rung::split; });
   // No topology to keep, or no room for one.
   const bool free = !shell.bends || no_field || shell.due < 2 * options.least_bending_quads;
+  // Rings round eyes and mouth are what rows that go would cut.
+  std::vector<RimReport> rims = shell.field ? shell.field->result.report.rims : std::vector<RimReport>{};
+  std::erase_if(rims, [](const RimReport& rim) { return rim.wanted == 0 || rim.loops < rim.wanted; });
+  const auto cuts_rings = [&](const std::vector<Polygon>& made) {
+    if (rims.empty()) return false;
+    count_rings(quads_of(mesh, made), rims);
+    return std::ranges::any_of(rims, [](const RimReport& rim) { return rim.loops < rim.wanted; });
+  };
   const auto compete = [&](std::vector<Polygon> made, GltfMake make, double handicap) {
     if (triangle_count(made) > std::max(1.05 * shell.due, shell.due + 2) && std::isfinite(best)) return;
     const Apart apart = measure.apart(as_triangles(made), poses.points().places);
     tell(gltf_make_name(make), triangle_count(made), apart);
-    if (!(apart.rms < handicap * best)) return;
+    if (!(apart.rms < handicap * best) || cuts_rings(made)) return;
     best = apart.rms;
     shell.apart = apart;
     shell.polygons = std::move(made);

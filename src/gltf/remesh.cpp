@@ -47,6 +47,7 @@ void append(RemeshResult& all, const FieldQuads& field) {
   all.report.components.insert(all.report.components.end(), report.components.begin(), report.components.end());
   all.report.warnings.insert(all.report.warnings.end(), report.warnings.begin(), report.warnings.end());
   all.report.seconds += report.seconds;
+  all.report.rims.insert(all.report.rims.end(), report.rims.begin(), report.rims.end());
 }
 
 /// The quads among polygons of the surface's own vertices, likewise.
@@ -331,6 +332,8 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
                 report_hinges(done.result.mesh, job.gathered.surface.asset.rig->skeleton, *done.result.weights,
                               options.remesh, done.result.report))
           context.warn("gltf", job.gathered.surface.label() + ": " + *lacking);
+      if (const std::optional<std::string> lacking = lacking_rings(done.result.report.rims))
+        context.warn("gltf", job.gathered.surface.label() + ": " + *lacking);
       for (std::size_t p = 0; p < job.builders.size(); ++p)
         if (job.gathered.primitives[p].tangents)
           job.builders[p].make_tangents(job.gathered, job.gathered.primitives[p]);

@@ -19,6 +19,7 @@ struct AttemptShared {
   double area = 0;                         ///< of the component
   double edge = 0;                         ///< of a square quad
   const SurfaceTopology* whole = nullptr;  ///< of the component that this is a half of; null: it is none
+  bool lays_rings = true;                  ///< those of the asset
 };
 
 /// Quads that an attempt found, with the surface that they lie on.

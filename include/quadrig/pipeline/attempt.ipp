@@ -4,6 +4,7 @@
 #include "quadrig/field/surgery.hpp"
 #include "quadrig/pipeline/attempt.hpp"
 #include "quadrig/pipeline/landing.hpp"
+#include "quadrig/rims/band.hpp"
 
 namespace quadrig::detail {
 
@@ -59,6 +60,7 @@ class AttemptRun {
     }
     if (context_.cancelled()) return cancelled_error("remesh");
     context_.progress("field", 0.1);
+    lay_rings();
     SpanTimer span(context_, "field");
     const Connection<double> connection(mesh_, &context_);
     if (context_.cancelled()) return cancelled_error("remesh");
@@ -74,7 +76,7 @@ class AttemptRun {
     const RepairOptions repair = repair_options(*field);
     FieldSurgery surgery(mesh_, std::move(*field), shared_.edge, real_solver_);
     if (!surgery.repair(repair, context_).ok()) return cancelled_error("remesh");
-    if (options_.preset == FieldPreset::standard && piece_.asset.rig) find_loops();
+    find_loops();
     span.end();
     lap(result_.seconds.field);
 
@@ -128,9 +130,19 @@ class AttemptRun {
     return straight;
   }
 
-  /// The loops that quads are to close along: round every hinge that has some quads around.
+  /// Where the rims that get rings lie on these triangles.
+  void lay_rings() {
+    if (!shared_.lays_rings || shared_.asset.rings.empty()) return;
+    const ClosestPoint closest(mesh_);
+    for (const RimRings& ring : shared_.asset.rings) bands_.push_back(rim_band(mesh_, closest, ring.rim, ring.reach));
+  }
+
+  /// The loops that quads are to close along: round every opening, and every hinge that has some quads around.
   void find_loops() {
     constexpr double least_around = 5;
+    for (const RimBand& band : bands_)
+      if (band.loop) loops_.push_back(*band.loop);
+    if (options_.preset != FieldPreset::standard || !piece_.asset.rig) return;
     for (Hinge& hinge : find_hinges(mesh_, *piece_.asset.rig)) {
       const std::string& joint = piece_.asset.rig->skeleton.bones[at(hinge.bone)].name;
       if (options_.loops.of(joint) > 0 && hinge.length > least_around * edge_along(hinge.loop))
@@ -162,6 +174,8 @@ class AttemptRun {
     if (const OwnDirections* own = shared_.asset.own)
       for (std::size_t f = 0; f < held.size(); ++f)
         if (std::isinf(own->weight[at(piece_.parent[f])])) held[f] = 1;
+    for (const RimBand& band : bands_)
+      for (const BandFace& beside : band.faces) held[at(beside.face)] = 1;
     std::size_t troubled_before = std::numeric_limits<std::size_t>::max();
     constexpr int mends = 3;
     for (int mended = 0;; ++mended) {
@@ -327,6 +341,7 @@ class AttemptRun {
   const SolverFactory<double> real_solver_ = options_.solver.factory<double>();
   AttemptResult result_;
   MapStrain strain_;             // of the map that came out
+  std::vector<RimBand> bands_;   // along rims that get rings
   std::vector<FaceLoop> loops_;  // that quads are to close along
   std::optional<ComponentMap> map_;
   std::vector<std::string> on_the_way_;  // what the map that came out was preceded by
@@ -354,7 +369,7 @@ QUADRIG_INLINE FieldOptions AttemptRun::field_options(const Connection<double>& 
     field.own_terms_x1 = std::move(terms.x1);
   }
   const bool posed = asset.metric && options_.directions.posed > 0;
-  if (!posed && !asset.own) return field;
+  if (!posed && !asset.own && bands_.empty()) return field;
   PolyVectorTargets targets = PolyVectorTargets::none(mesh_.face_count());
   const auto cross_along = [](Complex d) { return -integer_power(d / std::abs(d), 4); };
   for (Index f = 0; f < mesh_.face_count(); ++f) {
@@ -376,6 +391,15 @@ QUADRIG_INLINE FieldOptions AttemptRun::field_options(const Connection<double>& 
     targets.x0[at(f)] = (before * targets.x0[at(f)] + own * cross_along(d)) / (before + own);
     targets.weight[at(f)] = before + own;
   }
+  // Beside rims nothing else counts. Not exactly so: at the corners of eyes and lips directions need some room.
+  constexpr double beside_rims = 200;  // a bone pulls by 1
+  for (const RimBand& band : bands_)
+    for (const BandFace& beside : band.faces) {
+      const Complex d = connection.to_complex(beside.face, beside.along);
+      if (!(std::abs(d) > 0)) continue;
+      targets.x0[at(beside.face)] = cross_along(d);
+      targets.weight[at(beside.face)] = beside_rims;
+    }
   field.targets = std::move(targets);
   return field;
 }

@@ -14,6 +14,13 @@ struct OwnDirections {
   std::vector<double> weight;      ///< infinity: exactly so
 };
 
+/// A rim that is to get rings.
+struct RimRings {
+  const Rim& rim;
+  double edge;   ///< of the quads beside it, a length
+  double reach;  ///< of the band in which quads run along it
+};
+
 /// What all components of an asset share.
 struct RemeshShared {
   const Asset& asset;
@@ -27,9 +34,10 @@ struct RemeshShared {
   const OwnDirections* own = nullptr;   ///< null: the caller gives none
   std::size_t parts = 1;                ///< components
   const MirrorPlane* plane = nullptr;   ///< null: there is none
+  std::span<const RimRings> rings{};
 
   /// Whether the caller asks for directions that no other option names.
-  [[nodiscard]] bool asks_for_directions() const { return own || options.directions.terms; }
+  [[nodiscard]] bool asks_for_directions() const { return own || options.directions.terms || !rings.empty(); }
 };
 
 struct ComponentResult {

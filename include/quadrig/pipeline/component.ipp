@@ -161,7 +161,13 @@ class ComponentRemesher {
       leave(attempt, piece.error().what);
       return Tried{0, Outcome::triangles_unavailable, 1, budget.left(Work::search)};
     }
-    const AttemptShared shared{shared_, original_, quads_, area_, edge_, mirrored_ ? &*mirrored_->topology : nullptr};
+    const AttemptShared shared{shared_,
+                               original_,
+                               quads_,
+                               area_,
+                               edge_,
+                               mirrored_ ? &*mirrored_->topology : nullptr,
+                               number < attempts_with_rings};
     Expected<AttemptResult> made = run_attempt(shared, attempt, std::move(*piece), afresh, !best_, context_, budget);
     if (!made) return made.error();
     for (const std::string& reason : made->reasons) leave(attempt, reason);

@@ -21,6 +21,9 @@ struct SurfaceFacts {
   bool unasked = false;       ///< features that nobody asked for: creases of flat sides
 };
 
+/// So many attempts lay rings round openings; where none of them gave quads the rest go without.
+inline constexpr std::size_t attempts_with_rings = 2;
+
 /// Faces of a stand-in for a surface: 20 triangles a quad carry a map as well as any number; above 2500 quads, 4 a quad
 /// and 40 000 do.
 [[nodiscard]] inline Index proxy_faces(double quads) {

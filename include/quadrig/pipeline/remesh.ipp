@@ -12,6 +12,7 @@
 #include "quadrig/pipeline/mapped_quads.hpp"
 #include "quadrig/pipeline/shares.hpp"
 #include "quadrig/quads/topology.hpp"
+#include "quadrig/rims/band.hpp"
 
 namespace quadrig {
 
@@ -35,6 +36,14 @@ QUADRIG_INLINE Status RemeshOptions::validate() const {
   if (!(directions.posed >= 0)) return bad("directions.posed", "negative", "give 0 or more");
   if (const Status status = fit.validate(); !status.ok()) return status;
   if (const Status status = polish.validate(); !status.ok()) return status;
+  if (rims.rings < 0) return bad("rims.rings", "negative", "give 0 or more");
+  if (!(rims.face_density >= least_density_factor && rims.face_density <= largest_density_factor))
+    return bad("rims.face_density", "is not from 1/64 to 64", "give a factor such as 2");
+  for (const Rim& rim : rims.own)
+    if (rim.points.size() < 3 || (!rim.normals.empty() && rim.normals.size() != rim.points.size()) ||
+        !(rim.length > 0) || !std::ranges::all_of(rim.points, [](const Vector3& p) { return p.allFinite(); }))
+      return bad("rims.own", "a curve of fewer than three points, or of none that are finite",
+                 "give closed curves with their length");
   return sizing ? sizing->validate() : Status{};
 }
 
@@ -164,6 +173,8 @@ class Remesher {
     context_.progress("metric", 0);
     if (Status status = find_mirror(); !status.ok()) return status.error();
     quads_.kept = kept_edges(asset_, options_);
+    plan_rings();
+    if (context_.cancelled()) return cancelled_error("remesh");
     if (Status status = measure(connection); !status.ok()) return status.error();
     if (Status status = remesh_parts(connection); !status.ok()) return status.error();
     if (Status status = gather(); !status.ok()) return status.error();
@@ -173,7 +184,8 @@ class Remesher {
 
  private:
   using Part = std::optional<Expected<ComponentResult>>;
-  static constexpr double measured = 0.1;  // of the job
+  static constexpr double measured = 0.1;       // of the job
+  static constexpr double beside_rings = 0.75;  // edges of quads on either side of the rings of a rim
 
   [[nodiscard]] bool sized() const { return sizing_.density != DensitySource::field || !sizing_.own_density.empty(); }
 
@@ -302,10 +314,12 @@ class Remesher {
     sizes.largest_aspect = sizing_.largest_aspect;
     sizes.density = wanted_density(omega1, metric);
     multiply_density(sizes);
+    multiply_face(sizes);
     if (sized()) make_room_for_loops(sizes);
     if (context_.cancelled()) return cancelled_error("remesh");
-    if (sized() && (sizing_.density != DensitySource::uniform || !sizing_.own_density.empty() || by_hand()))
-      sizes.density = graded_density(mesh_, sizes.density, options_.quads, sizing_.gradation, context_);
+    if (sized() && (sizing_.density != DensitySource::uniform || !sizing_.own_density.empty() || by_hand() ||
+                    options_.rims.face_density != 1 || !rings_.empty()))
+      grade(sizes);
     if (context_.cancelled()) return cancelled_error("remesh");
     return {};
   }
@@ -382,6 +396,111 @@ class Remesher {
     return {};
   }
 
+  /// The rims that are there, those of them that get rings, and how large the quads beside these are to be.
+  void plan_rings() {
+    constexpr double likely = 0.5, possible = 0.4;
+    const RimOptions& wanted = options_.rims;
+    if (options_.preset == FieldPreset::thesis || (wanted.rings < 1 && wanted.face_density == 1)) return;
+    std::vector<RimKind> kinds;
+    if (wanted.kinds)
+      kinds = *wanted.kinds;
+    else if (asset_.rig)
+      kinds = {RimKind::eye, RimKind::mouth};
+    if (kinds.empty() && wanted.own.empty() && wanted.face_density == 1) return;
+    const auto& plane = quads_.report.symmetry.plane;
+    std::vector<RimReport>& all = quads_.report.rims;
+    const double mean_edge = std::sqrt(mesh_.total_area() / options_.quads);
+    for (Rim& rim : wanted.own.empty()
+                        ? find_rims(mesh_, asset_.rig ? &*asset_.rig : nullptr, plane ? &*plane : nullptr, context_)
+                        : std::vector<Rim>(wanted.own)) {
+      RimReport& report = all.emplace_back();
+      const bool asked = !wanted.own.empty() ||
+                         (rim.score >= (wanted.kinds ? possible : likely) && std::ranges::count(kinds, rim.kind) > 0);
+      report.wanted = asked ? wanted.rings : 0;
+      report.edge = std::min(rim.length / least_around(rim.kind), mean_edge);
+      report.rim = std::move(rim);
+    }
+    make_room(all);
+    for (const RimReport& rim : all)
+      if (rim.wanted > 0 && rim.quads_for == 0)
+        rings_.push_back({rim.rim, rim.edge, (rim.wanted / 2.0 + beside_rings) * rim.edge});
+  }
+  /// Quads round an opening that show its shape.
+  [[nodiscard]] static double least_around(RimKind kind) { return kind == RimKind::mouth ? 16 : 12; }
+
+  /// The face: as far about the middle of eyes and mouth as half as far again as they reach, fading to as far again.
+  void multiply_face(SizeField& sizes) const {
+    if (options_.rims.face_density == 1 || sizes.density.empty()) return;
+    constexpr double whole = 1.5, faded = 2;
+    Vector3 middle = Vector3::Zero();
+    std::vector<const Rim*> features;
+    for (const RimReport& rim : quads_.report.rims)
+      if (rim.rim.kind == RimKind::eye || rim.rim.kind == RimKind::mouth) features.push_back(&rim.rim);
+    if (features.empty()) return;
+    for (const Rim* rim : features) middle += rim->centre() / static_cast<double>(features.size());
+    double reach = 0;
+    for (const Rim* rim : features)
+      for (const Vector3& p : rim->points) reach = std::max(reach, (p - middle).norm());
+    for (Index f = 0; f < mesh_.face_count(); ++f) {
+      const double off = (position(mesh_, SurfacePoint{f, Vector3::Constant(1.0 / 3)}) - middle).norm() / reach;
+      const double share = std::clamp((faded - off) / (faded - whole), 0.0, 1.0);
+      sizes.density[at(f)] *= std::pow(options_.rims.face_density, share);
+    }
+  }
+
+  /// Rings that would take more than a share of the quads are let go.
+  void make_room(std::vector<RimReport>& rims) const {
+    constexpr double most_of = 0.25, with_slope = 2;  // between the quads of the band and those of the rest
+    double all = 0;
+    for (const RimReport& rim : rims)
+      if (rim.wanted > 0) all += with_slope * least_around(rim.rim.kind) * (rim.wanted + 2 * beside_rings);
+    if (all <= most_of * options_.quads) return;
+    const auto room = static_cast<Index>(100 * std::ceil(all / most_of / 100));
+    for (RimReport& rim : rims)
+      if (rim.wanted > 0) rim.quads_for = room;
+  }
+
+  /// Sizes that quads can follow, small enough beside rims.
+  void grade(SizeField& sizes) const {
+    constexpr double nearly = 0.95;
+    const auto graded = [&](const std::vector<double>& density) {
+      return graded_density(mesh_, density, options_.quads, sizing_.gradation, context_);
+    };
+    if (rings_.empty()) {
+      sizes.density = graded(sizes.density);
+      return;
+    }
+    const double area = mesh_.total_area();
+    double mean = 0;
+    for (Index f = 0; f < mesh_.face_count(); ++f) mean += mesh_.area(f) * sizes.density[at(f)] / area;
+    const ClosestPoint closest(mesh_);
+    std::vector<RimBand> bands;
+    for (const RimRings& ring : rings_) bands.push_back(rim_band(mesh_, closest, ring.rim, ring.reach));
+    std::vector<double> factor(rings_.size(), 1.0), result;
+    constexpr int rounds = 3;
+    for (int round = 0; round < rounds && !context_.cancelled(); ++round) {
+      std::vector<double> density = sizes.density;
+      const auto wanted = [&](std::size_t k) { return area / options_.quads / (rings_[k].edge * rings_[k].edge); };
+      for (std::size_t k = 0; k < bands.size(); ++k)
+        for (const BandFace& beside : bands[k].faces)
+          density[at(beside.face)] = std::max(density[at(beside.face)], factor[k] * wanted(k) * mean);
+      result = graded(density);
+      bool enough = true;
+      for (std::size_t k = 0; k < bands.size(); ++k) {
+        double here = 0, own = 0;
+        for (const BandFace& beside : bands[k].faces) {
+          here += mesh_.area(beside.face) * result[at(beside.face)];
+          own += mesh_.area(beside.face);
+        }
+        if (!(own > 0) || here >= nearly * wanted(k) * own) continue;
+        factor[k] *= wanted(k) * own / here;
+        enough = false;
+      }
+      if (enough) break;
+    }
+    sizes.density = std::move(result);
+  }
+
   [[nodiscard]] double size_of(Index face) const { return sized() ? sizes_.density[at(face)] : 1.0; }
 
   /// Components, what the plane does to each, and the share of the count that each is due.
@@ -428,7 +547,8 @@ class Remesher {
                               kept,
                               given.direction.empty() ? nullptr : &given,
                               faces_.size(),
-                              quads_.report.symmetry.plane ? &*quads_.report.symmetry.plane : nullptr};
+                              quads_.report.symmetry.plane ? &*quads_.report.symmetry.plane : nullptr,
+                              rings_};
     // Progress is for the caller's thread: that of the parts it remeshes, and the faces of those that are done.
     const std::thread::id caller = std::this_thread::get_id();
     std::atomic<Index> done{0};
@@ -658,6 +778,7 @@ class Remesher {
   Context& context_;
   SizeField sizes_;
   std::optional<SizeField> rounded_;  // of quads that do not keep the creases that nobody asked for
+  std::vector<RimRings> rings_;       // refer to the report's rims
   std::optional<PosedMetric> metric_;
   std::vector<std::vector<Index>> faces_;  // of each component
   std::vector<MirrorPart> mirror_;         // of each component
@@ -684,6 +805,13 @@ QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOpt
       result->report.warnings.push_back({"remesh", *lacking});
       context.warnings.push_back(result->report.warnings.back());
     }
+  if (result) {
+    count_rings(result->mesh, result->report.rims);
+    if (const std::optional<std::string> lacking = lacking_rings(result->report.rims)) {
+      result->report.warnings.push_back({"remesh", *lacking});
+      context.warnings.push_back(result->report.warnings.back());
+    }
+  }
   return result;
 }
 

@@ -1,0 +1,4 @@
+// The one definition of what finds rims.
+#include "quadrig/rims.hpp"
+
+#include "quadrig/rims/find.ipp"
