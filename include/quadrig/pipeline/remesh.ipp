@@ -10,7 +10,9 @@
 #include "quadrig/pipeline/halves.hpp"
 #include "quadrig/pipeline/hinge_bands.hpp"
 #include "quadrig/pipeline/mapped_quads.hpp"
+#include "quadrig/pipeline/rings.hpp"
 #include "quadrig/pipeline/shares.hpp"
+#include "quadrig/pipeline/sizes.hpp"
 #include "quadrig/quads/topology.hpp"
 #include "quadrig/rims/band.hpp"
 
@@ -173,7 +175,7 @@ class Remesher {
     context_.progress("metric", 0);
     if (Status status = find_mirror(); !status.ok()) return status.error();
     quads_.kept = kept_edges(asset_, options_);
-    plan_rings();
+    rings_ = plan_rings(asset_, options_, plane(), context_, quads_.report.rims);
     if (context_.cancelled()) return cancelled_error("remesh");
     if (Status status = measure(connection); !status.ok()) return status.error();
     if (Status status = remesh_parts(connection); !status.ok()) return status.error();
@@ -184,29 +186,22 @@ class Remesher {
 
  private:
   using Part = std::optional<Expected<ComponentResult>>;
-  static constexpr double measured = 0.1;       // of the job
-  static constexpr double beside_rings = 0.75;  // edges of quads on either side of the rings of a rim
+  static constexpr double measured = 0.1;  // of the job
 
-  [[nodiscard]] bool sized() const { return sizing_.density != DensitySource::field || !sizing_.own_density.empty(); }
-
-  /// Edge of the quads along a loop.
-  [[nodiscard]] double edge_along(const FaceLoop& loop, const SizeField& sizes) const {
-    const double mean = std::sqrt(mesh_.total_area() / options_.quads);
-    if (!sized()) return mean;
-    double density = 0;
-    for (const Index h : loop.crossed) density += sizes.density[at(TriangleMesh<double>::face_of(h))];
-    return mean / std::sqrt(density / static_cast<double>(loop.crossed.size()));
+  [[nodiscard]] bool sized() const { return gives_sizes(sizing_); }
+  [[nodiscard]] const MirrorPlane* plane() const {
+    const auto& found = quads_.report.symmetry.plane;
+    return found ? &*found : nullptr;
   }
 
   /// What pulls at directions beside bones and curvature: hinges, then guides, then the caller; later ones count.
   [[nodiscard]] OwnDirections own_directions() const {
     OwnDirections own;
     std::vector<FaceDirection> all;
-    const auto& plane = quads_.report.symmetry.plane;
+    const auto edge = [&](const FaceLoop& loop) { return edge_along(mesh_, loop, sizes_, options_.quads); };
     if (asset_.rig && options_.preset == FieldPreset::standard)
-      pull_along_hinges(
-          mesh_, *asset_.rig, options_.loops, [&](const FaceLoop& loop) { return edge_along(loop, sizes_); }, all);
-    pull_along_guides(mesh_, options_.guides, plane ? &*plane : nullptr, all);
+      pull_along_hinges(mesh_, *asset_.rig, options_.loops, edge, all);
+    pull_along_guides(mesh_, options_.guides, plane(), all);
     all.insert(all.end(), options_.directions.own.begin(), options_.directions.own.end());
     if (all.empty()) return own;
     own.direction.assign(at(mesh_.face_count()), Vector3::Zero());
@@ -216,67 +211,6 @@ class Remesher {
       own.weight[at(each.face)] = each.weight;
     }
     return own;
-  }
-
-  /// A face; empty where the field's own magnitudes count.
-  [[nodiscard]] std::vector<double> wanted_density(std::span<const double> omega1,
-                                                   const std::optional<PosedMetric>& metric) const {
-    const std::size_t m = at(mesh_.face_count());
-    const std::vector<double>& own = sizing_.own_density;
-    if (own.size() == m) return own;
-    std::vector<double> density;
-    if (!own.empty()) {  // a vertex: the mean of the corners
-      density.assign(m, 0.0);
-      for (Index h = 0; h < mesh_.halfedge_count(); ++h)
-        density[at(TriangleMesh<double>::face_of(h))] += own[at(mesh_.origin(h))] / 3;
-      return density;
-    }
-    switch (sizing_.density) {
-      case DensitySource::uniform:
-        density.assign(m, 1.0);
-        break;
-      case DensitySource::blend:
-        for (std::size_t f = 0; f < m; ++f) density.push_back(omega1.empty() ? 1.0 : 1 + 3 * (1 - omega1[f]));
-        break;
-      case DensitySource::rest:
-      case DensitySource::posed:
-        density = metric->density;
-        break;
-      case DensitySource::field:
-        break;
-    }
-    return density;
-  }
-
-  [[nodiscard]] bool by_hand() const { return !options_.density_factors.empty() || !options_.bone_density.empty(); }
-
-  /// The factors that the caller gives.
-  void multiply_density(SizeField& sizes) const {
-    if (!by_hand() || sizes.density.empty()) return;
-    std::vector<double> factors = options_.density_factors;
-    if (factors.size() != at(mesh_.face_count())) factors = on_faces(factors);
-    if (!options_.bone_density.empty()) {
-      std::vector<double> of_bone = options_.bone_density;
-      if (const auto& plane = quads_.report.symmetry.plane) even_factors(*plane, of_bone);
-      const std::vector<double> moved = on_faces(vertex_factors(asset_.rig->weights, of_bone));
-      for (std::size_t f = 0; f < moved.size(); ++f) factors[f] *= moved[f];
-    }
-    for (std::size_t f = 0; f < factors.size(); ++f) sizes.density[f] *= factors[f];
-  }
-  /// Where the caller asks for loops at a joint by its name, its bend gets the rows that they need.
-  void make_room_for_loops(SizeField& sizes) const {
-    if (!asset_.rig || options_.preset != FieldPreset::standard || options_.loops.of_joints.empty()) return;
-    const std::vector<Index> wanted = named_loops(
-        asset_.rig->skeleton, options_.loops, quads_.report.symmetry.plane ? &*quads_.report.symmetry.plane : nullptr);
-    for (const Hinge& hinge : find_hinges(mesh_, *asset_.rig))
-      densify_bend(mesh_, hinge, wanted[at(hinge.bone)], edge_along(hinge.loop, sizes), sizes.density);
-  }
-  /// Of values a vertex the mean of the corners; 1 where there are none.
-  [[nodiscard]] std::vector<double> on_faces(const std::vector<double>& of_vertex) const {
-    std::vector<double> result(at(mesh_.face_count()), of_vertex.empty() ? 1.0 : 0.0);
-    if (!of_vertex.empty())
-      for (Index h = 0; h < mesh_.halfedge_count(); ++h) result[at(h / 3)] += of_vertex[at(mesh_.origin(h))] / 3;
-    return result;
   }
 
   /// Sizes and posed directions, once for the whole asset.
@@ -298,84 +232,18 @@ class Remesher {
       }
     }
     if (context_.cancelled()) return cancelled_error("remesh");
-    if (Status status = make_sizes(connection, omega1, quads_.kept, sizes_, metric_); !status.ok()) return status;
+    const SizeMaker make(asset_, options_, sizing_, plane(), quads_.report.rims, rings_, context_);
+    if (Status status = make(connection, omega1, quads_.kept, sizes_, metric_); !status.ok()) return status;
+    if (options_.fit.method == FitMethod::slide && make.moves())
+      quads_.targets.set_bending(connection, sizes_.forms, context_);
     if (!quads_.kept.empty() && !asks_for_features(options_)) {
       std::optional<PosedMetric> unused;
       rounded_.emplace();
-      if (Status status = make_sizes(connection, omega1, {}, *rounded_, unused); !status.ok()) return status;
+      if (Status status = make(connection, omega1, {}, *rounded_, unused); !status.ok()) return status;
     }
     quads_.report.seconds.metric = watch.seconds();
     return {};
   }
-  /// \param kept edges that quads do not cross
-  [[nodiscard]] Status make_sizes(const Connection<double>& connection, const std::vector<double>& omega1,
-                                  const EdgeMarks& kept, SizeField& sizes, std::optional<PosedMetric>& metric) {
-    if (Status status = measure_curvature(connection, omega1, kept, sizes, metric); !status.ok()) return status;
-    sizes.largest_aspect = sizing_.largest_aspect;
-    sizes.density = wanted_density(omega1, metric);
-    multiply_density(sizes);
-    multiply_face(sizes);
-    if (sized()) make_room_for_loops(sizes);
-    if (context_.cancelled()) return cancelled_error("remesh");
-    if (sized() && (sizing_.density != DensitySource::uniform || !sizing_.own_density.empty() || by_hand() ||
-                    options_.rims.face_density != 1 || !rings_.empty()))
-      grade(sizes);
-    if (context_.cancelled()) return cancelled_error("remesh");
-    return {};
-  }
-
-  /// Where sizes or directions come from it.
-  [[nodiscard]] Status measure_curvature(const Connection<double>& connection, const std::vector<double>& omega1,
-                                         const EdgeMarks& kept, SizeField& sizes, std::optional<PosedMetric>& metric) {
-    const SpanTimer span(context_, "curvature");
-    const bool posed = sizing_.density == DensitySource::posed || options_.directions.posed > 0;
-    if (!posed && sizing_.density != DensitySource::rest) return {};
-    // How far the surface bends at a kept edge is no error of quads that end there.
-    std::optional<CutOpen> open;
-    if (!kept.empty()) open = cut_open(mesh_, kept);
-    const TriangleMesh<double>& mesh = open ? open->mesh : mesh_;
-    if (posed && (asset_.rig || !options_.morphs.empty())) {
-      Expected<PosedForms> forms = posed_forms(mesh, connection, open ? &open->parent : nullptr);
-      if (!forms) return forms.error();
-      sizes.forms = std::move(*forms);
-      if (options_.fit.method == FitMethod::slide) quads_.targets.set_bending(connection, sizes.forms, context_);
-    } else {
-      sizes.forms = PosedForms::at_rest(mesh, connection);
-    }
-    PosedMetricOptions options;
-    options.largest_aspect = sizing_.largest_aspect;
-    options.joint_weight = sizing_.joint_weight;
-    options.least_density = sizing_.least_density;
-    options.largest_density = sizing_.largest_density;
-    Expected<PosedMetric> made = posed_metric(mesh_, sizes.forms, omega1, options, context_);
-    if (!made) return made.error();
-    metric = std::move(*made);
-    return {};
-  }
-  /// \param parent vertices of the asset that those of the mesh are, where it is cut open
-  [[nodiscard]] Expected<PosedForms> posed_forms(const TriangleMesh<double>& mesh, const Connection<double>& connection,
-                                                 const std::vector<Index>* parent) const {
-    PosedForms::Options form_options;
-    SurfaceBends bends;
-    if (asset_.rig && options_.poses.empty()) {
-      bends = surface_bends(asset_.rig->skeleton, asset_.rig->weights, options_.bend_degrees);
-      form_options.rest_weight += bends.still;  // in these poses the surface has its rest shape
-      if (bends.left_out > 0)
-        context_.warn("metric", std::to_string(bends.left_out) + " bones are not bent, since there are so many");
-    } else if (asset_.rig) {
-      bends.poses = options_.poses;
-      bends.weights = asset_.rig->weights;
-      form_options.pose_weights = options_.pose_weights;
-    }
-    std::vector<Points<double>> morphs = options_.morphs;
-    if (parent) {
-      if (asset_.rig) bends.weights = rows_of(bends.weights, *parent);
-      for (Points<double>& morph : morphs) morph = Points<double>(morph(*parent, Eigen::all));
-    }
-    form_options.morphs = morphs;
-    return PosedForms::create(mesh, connection, bends.weights, bends.poses, form_options, context_);
-  }
-
   /// The mirror plane, where one is asked for and there is one.
   [[nodiscard]] Status find_mirror() {
     const SpanTimer span(context_, "symmetry");
@@ -394,111 +262,6 @@ class Remesher {
           {"symmetry", "no mirror plane across " + std::string(symmetry_choice_name(report.choice)) +
                            " was found: less than half of the surface lies near its image"});
     return {};
-  }
-
-  /// The rims that are there, those of them that get rings, and how large the quads beside these are to be.
-  void plan_rings() {
-    constexpr double likely = 0.5, possible = 0.4;
-    const RimOptions& wanted = options_.rims;
-    if (options_.preset == FieldPreset::thesis || (wanted.rings < 1 && wanted.face_density == 1)) return;
-    std::vector<RimKind> kinds;
-    if (wanted.kinds)
-      kinds = *wanted.kinds;
-    else if (asset_.rig)
-      kinds = {RimKind::eye, RimKind::mouth};
-    if (kinds.empty() && wanted.own.empty() && wanted.face_density == 1) return;
-    const auto& plane = quads_.report.symmetry.plane;
-    std::vector<RimReport>& all = quads_.report.rims;
-    const double mean_edge = std::sqrt(mesh_.total_area() / options_.quads);
-    for (Rim& rim : wanted.own.empty()
-                        ? find_rims(mesh_, asset_.rig ? &*asset_.rig : nullptr, plane ? &*plane : nullptr, context_)
-                        : std::vector<Rim>(wanted.own)) {
-      RimReport& report = all.emplace_back();
-      const bool asked = !wanted.own.empty() ||
-                         (rim.score >= (wanted.kinds ? possible : likely) && std::ranges::count(kinds, rim.kind) > 0);
-      report.wanted = asked ? wanted.rings : 0;
-      report.edge = std::min(rim.length / least_around(rim.kind), mean_edge);
-      report.rim = std::move(rim);
-    }
-    make_room(all);
-    for (const RimReport& rim : all)
-      if (rim.wanted > 0 && rim.quads_for == 0)
-        rings_.push_back({rim.rim, rim.edge, (rim.wanted / 2.0 + beside_rings) * rim.edge});
-  }
-  /// Quads round an opening that show its shape.
-  [[nodiscard]] static double least_around(RimKind kind) { return kind == RimKind::mouth ? 16 : 12; }
-
-  /// The face: as far about the middle of eyes and mouth as half as far again as they reach, fading to as far again.
-  void multiply_face(SizeField& sizes) const {
-    if (options_.rims.face_density == 1 || sizes.density.empty()) return;
-    constexpr double whole = 1.5, faded = 2;
-    Vector3 middle = Vector3::Zero();
-    std::vector<const Rim*> features;
-    for (const RimReport& rim : quads_.report.rims)
-      if (rim.rim.kind == RimKind::eye || rim.rim.kind == RimKind::mouth) features.push_back(&rim.rim);
-    if (features.empty()) return;
-    for (const Rim* rim : features) middle += rim->centre() / static_cast<double>(features.size());
-    double reach = 0;
-    for (const Rim* rim : features)
-      for (const Vector3& p : rim->points) reach = std::max(reach, (p - middle).norm());
-    for (Index f = 0; f < mesh_.face_count(); ++f) {
-      const double off = (position(mesh_, SurfacePoint{f, Vector3::Constant(1.0 / 3)}) - middle).norm() / reach;
-      const double share = std::clamp((faded - off) / (faded - whole), 0.0, 1.0);
-      sizes.density[at(f)] *= std::pow(options_.rims.face_density, share);
-    }
-  }
-
-  /// Rings that would take more than a share of the quads are let go.
-  void make_room(std::vector<RimReport>& rims) const {
-    constexpr double most_of = 0.25, with_slope = 2;  // between the quads of the band and those of the rest
-    double all = 0;
-    for (const RimReport& rim : rims)
-      if (rim.wanted > 0) all += with_slope * least_around(rim.rim.kind) * (rim.wanted + 2 * beside_rings);
-    if (all <= most_of * options_.quads) return;
-    const auto room = static_cast<Index>(100 * std::ceil(all / most_of / 100));
-    for (RimReport& rim : rims)
-      if (rim.wanted > 0) rim.quads_for = room;
-  }
-
-  /// Sizes that quads can follow, small enough beside rims.
-  void grade(SizeField& sizes) const {
-    constexpr double nearly = 0.95;
-    const auto graded = [&](const std::vector<double>& density) {
-      return graded_density(mesh_, density, options_.quads, sizing_.gradation, context_);
-    };
-    if (rings_.empty()) {
-      sizes.density = graded(sizes.density);
-      return;
-    }
-    const double area = mesh_.total_area();
-    double mean = 0;
-    for (Index f = 0; f < mesh_.face_count(); ++f) mean += mesh_.area(f) * sizes.density[at(f)] / area;
-    const ClosestPoint closest(mesh_);
-    std::vector<RimBand> bands;
-    for (const RimRings& ring : rings_) bands.push_back(rim_band(mesh_, closest, ring.rim, ring.reach));
-    std::vector<double> factor(rings_.size(), 1.0), result;
-    constexpr int rounds = 3;
-    for (int round = 0; round < rounds && !context_.cancelled(); ++round) {
-      std::vector<double> density = sizes.density;
-      const auto wanted = [&](std::size_t k) { return area / options_.quads / (rings_[k].edge * rings_[k].edge); };
-      for (std::size_t k = 0; k < bands.size(); ++k)
-        for (const BandFace& beside : bands[k].faces)
-          density[at(beside.face)] = std::max(density[at(beside.face)], factor[k] * wanted(k) * mean);
-      result = graded(density);
-      bool enough = true;
-      for (std::size_t k = 0; k < bands.size(); ++k) {
-        double here = 0, own = 0;
-        for (const BandFace& beside : bands[k].faces) {
-          here += mesh_.area(beside.face) * result[at(beside.face)];
-          own += mesh_.area(beside.face);
-        }
-        if (!(own > 0) || here >= nearly * wanted(k) * own) continue;
-        factor[k] *= wanted(k) * own / here;
-        enough = false;
-      }
-      if (enough) break;
-    }
-    sizes.density = std::move(result);
   }
 
   [[nodiscard]] double size_of(Index face) const { return sized() ? sizes_.density[at(face)] : 1.0; }
