@@ -5,6 +5,7 @@
 #include "quadrig/pipeline/component.hpp"
 #include "quadrig/pipeline/features.hpp"
 #include "quadrig/pipeline/hinge_bands.hpp"
+#include "quadrig/rims/band.hpp"
 
 namespace quadrig::detail {
 
