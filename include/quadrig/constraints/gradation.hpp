@@ -76,7 +76,6 @@ class SizeGrader {
   const double area = mesh.total_area();
   const detail::SizeGrader grader(mesh);
   std::vector<double> graded(density.size());
-  constexpr double settled = 1e-2;  // of the count: the limit holds to half of that
   double factor = 1;
   // Grading only makes quads smaller, and smaller quads are graded more: a few rounds settle the count.
   for (int round = 0; round < 12; ++round) {
@@ -87,7 +86,7 @@ class SizeGrader {
     for (std::size_t f = 0; f < density.size(); ++f)
       quads += mesh.area(static_cast<Index>(f)) / (graded[f] * graded[f]);
     factor *= std::sqrt(quads / count);
-    if (std::abs(quads / count - 1) < settled) break;
+    if (std::abs(quads / count - 1) < 1e-3) break;
   }
   double mean = 0;
   for (std::size_t f = 0; f < density.size(); ++f) {
