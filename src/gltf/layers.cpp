@@ -191,6 +191,25 @@ class Layers {
     return input;
   }
 
+  /// Takes back the moves at the corners of quads that they would turn over or crush.
+  static void keep_sound(const QuadMesh& quads, std::vector<Vector3>& by) {
+    constexpr double least = 0.2;
+    for (bool again = true; again;) {
+      again = false;
+      Points<double> moved = quads.positions;
+      for (std::size_t v = 0; v < by.size(); ++v) moved.row(static_cast<Eigen::Index>(v)) += by[v].transpose();
+      for (Index q = 0; q < quads.quad_count(); ++q) {
+        const auto quad = quads.quads.row(q);
+        if (scaled_jacobian(moved, quad) >= std::min(least, scaled_jacobian(quads.positions, quad))) continue;
+        for (int i = 0; i < 4; ++i) {
+          Vector3& own = by[at(quad[i])];
+          again = again || !own.isZero();
+          own.setZero();
+        }
+      }
+    }
+  }
+
   /// One sheet over one other shell in one state.
   void settle(std::size_t a, std::size_t b, std::size_t state) {
     const Made &sheet = made_[a], &below = made_[b];
@@ -234,6 +253,7 @@ class Layers {
           for (int i = 0; i < 3; ++i) raise(at(sheet.faces(now.face, i)), -side * missing * now.normal);
         }
       }
+      if (state == 0 && shells_.list[a].field) keep_sound(shells_.list[a].field->result.mesh, by);
       bool any = false;
       for (std::size_t v = 0; v < by.size(); ++v)
         if (!by[v].isZero()) move(a, state, v, by[v]), any = true;

@@ -131,6 +131,25 @@ void share_out(std::vector<Shells>& all, double triangles, const GltfRemeshOptio
   };
   double low = 0, high = demand > 0 ? triangles / demand : 1;
   for (int k = 0; k < 60 && sum(high) < triangles; ++k) high *= 2;
+  // Shells too small for a field keep all that they have: the sum falls where one of them gets its first quads, and
+  // rises in between. Of the rises the last is taken that begins below what there is, or else the one that begins
+  // lowest.
+  if (options.topology == GltfTopology::field) {
+    std::vector<double> begins;
+    for (const Shell* shell : list)
+      if (shell->demand > 0) begins.push_back((1 + 1e-9) * 2 * options.least_shell_quads / shell->demand);
+    std::sort(begins.begin(), begins.end(), std::greater<>());
+    double lowest = std::numeric_limits<double>::infinity(), end = std::max(high, begins.empty() ? 0 : begins.front());
+    for (const double begin : begins) {
+      if (const double total = sum(begin); total < lowest) {
+        lowest = total;
+        low = begin;
+        high = total < triangles ? std::max(begin, end) : begin;
+      }
+      if (lowest < triangles) break;
+      end = begin * (1 - 1e-9);
+    }
+  }
   for (int k = 0; k < 60; ++k) {
     const double middle = (low + high) / 2;
     (sum(middle) < triangles ? low : high) = middle;
