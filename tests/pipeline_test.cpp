@@ -182,7 +182,7 @@ TEST_CASE("remesh: quads are shared out, and many parts that miss theirs alike a
   CHECK(quads_due({1, 3}, 400, {6, 6}) == std::vector<double>{100, 300});
   CHECK(quads_due({1, 999}, 400, {6, 6}) == std::vector<double>{6, 394});
   CHECK(quads_due({1, 1, 1}, 6, {6, 6, 6}) == std::vector<double>{6, 6, 6});
-  CHECK(quads_due({1, 1, 1}, 3, {1, 1, 1}) == std::vector<double>{1, 1, 1});  // sheets
+  CHECK(quads_due({1, 1, 1}, 3, {1, 1, 1}) == std::vector<double>{1, 1, 1});    // sheets
   CHECK(quads_due({1, 1, 1.1}, 3, {1, 1, 1}) == std::vector<double>{1, 1, 1});  // the last is due no more than its part
   // Three of 12 have three too many each.
   const std::vector<double> due{12, 12, 12, 200}, least(4, 6.0);

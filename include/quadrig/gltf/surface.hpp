@@ -75,7 +75,8 @@ struct GltfVertices {
                                                                 Context& context);
 
 /// The triangles of all primitives of all meshes, each mesh in its own space, as polygons: those that are marked as the
-/// halves of quads are quads. Vertices at one position are one. \fails as gltf_vertices; bad_input where there are no triangles
+/// halves of quads are quads. Vertices at one position are one. \fails as gltf_vertices; bad_input where there are no
+/// triangles
 [[nodiscard]] Expected<PolygonMesh> gltf_polygons(const GltfDocument& document, Context& context);
 
 }  // namespace quadrig
