@@ -1,7 +1,9 @@
 // What the verbs of the command share.
 #pragma once
 
+#include <array>
 #include <atomic>
+#include <charconv>
 #include <functional>
 
 #include <CLI/CLI.hpp>
@@ -73,9 +75,14 @@ struct Input {
   double quads = 0;         ///< to be made of it
 };
 void add_input(CLI::App& verb, Input& input, const std::string& formats = all_formats);
+/// An option that takes a method's name.
+CLI::Option* add_bind_method(CLI::App& verb, const std::string& name, std::function<void(BindMethod)> set,
+                             const std::string& text);
 void add_selection(CLI::App& verb, GltfSelection& selection,
                    const std::string& text = "Of a glTF file: the mesh, node, material or skin; may be repeated",
                    const std::string& group = {});
+/// The document; the files that it names are declared as inputs. \fails as GltfDocument::read and FileSet::reads
+[[nodiscard]] Expected<GltfDocument> read_document(const std::filesystem::path& path, FileSet& files, Session& session);
 /// Loads the asset; of a glTF file the largest surface chosen, and the files that it names are declared as inputs.
 /// \fails as load_asset, gltf_surfaces and FileSet::reads
 [[nodiscard]] Expected<LoadedAsset> load(const Input& input, FileSet& files, Session& session);
@@ -92,6 +99,17 @@ void add_selection(CLI::App& verb, GltfSelection& selection,
 [[nodiscard]] Status declare(FileSet& files, const Input& input, std::initializer_list<std::filesystem::path> outputs);
 /// The option that lets files be replaced which only a document names.
 void add_force(CLI::App& verb, bool& force);
+
+/// A space and the shortest digits that read back as the same number.
+template <class Number>
+void put_number(std::string& text, Number value) {
+  std::array<char, 32> digits;
+  text += ' ';
+  text.append(digits.data(), std::to_chars(digits.data(), digits.data() + digits.size(), value).ptr);
+}
+inline void put_numbers(std::string& text, const Vector3& v) {
+  for (int i = 0; i < 3; ++i) put_number(text, v[i]);
+}
 
 /// "1 234 567" style is for nobody's parser: plain digits, a fixed number of decimals.
 [[nodiscard]] std::string decimals(double value, int digits);

@@ -13,22 +13,29 @@ bool is_gltf(const std::filesystem::path& path) {
   return file.read(magic, 4) && std::string_view(magic, 4) == "glTF";
 }
 
+CLI::Option* add_bind_method(CLI::App& verb, const std::string& name, std::function<void(BindMethod)> set,
+                             const std::string& text) {
+  return verb
+      .add_option_function<std::string>(
+          name,
+          [set = std::move(set)](const std::string& given) {
+            for (const BindMethod method :
+                 {BindMethod::nearest_bone, BindMethod::geodesic_voxel, BindMethod::bounded_biharmonic})
+              if (given == bind_method_name(method)) set(method);
+          },
+          text)
+      ->check(CLI::IsMember({"voxel", "biharmonic", "nearest"}));
+}
+
 void add_input(CLI::App& verb, Input& input, const std::string& formats) {
   verb.add_option("MESH", input.files.mesh, "Surface: " + formats)->required()->type_name("");
   auto* rig = verb.add_option("--rig", input.files.rig, "Bones: .tgf")->type_name("FILE");
   auto* weights = verb.add_option("--weights", input.files.weights, "Skin weights, a column a bone: .dmat");
   weights->type_name("FILE");
   weights->needs(rig);
-  verb.add_option_function<std::string>(
-          "--bind",
-          [&input](const std::string& name) {
-            input.load.bind.emplace();
-            for (const BindMethod method :
-                 {BindMethod::nearest_bone, BindMethod::geodesic_voxel, BindMethod::bounded_biharmonic})
-              if (name == bind_method_name(method)) input.load.bind->method = method;
-          },
-          "Make the weights of a rig that comes without")
-      ->check(CLI::IsMember({"voxel", "biharmonic", "nearest"}))
+  add_bind_method(
+      verb, "--bind", [&input](BindMethod method) { input.load.bind.emplace().method = method; },
+      "Make the weights of a rig that comes without")
       ->needs(rig)
       ->excludes(weights)
       ->option_text("voxel|biharmonic|nearest (needs --rig, excludes --weights)");
@@ -64,11 +71,9 @@ Expected<LoadedAsset> load_gltf(const Input& input, FileSet& files, Session& ses
   if (!input.files.rig.empty())
     return Error{ErrorCode::bad_option, "a glTF file has its rig and weights within", path.string(),
                  "leave out --rig and what goes with it"};
-  const Expected<GltfDocument> document = GltfDocument::read(path, {}, session.context);
+  const Expected<GltfDocument> document = read_document(path, files, session);
   if (!document) return document.error();
   std::vector<std::filesystem::path> read = document->named_files();
-  for (const std::filesystem::path& file : read)
-    if (Status status = files.reads(file); !status) return status.error();
   read.push_back(path);
   session.expect(read, input.quads);
   GltfClipOptions clips;
@@ -91,6 +96,14 @@ Expected<LoadedAsset> load_gltf(const Input& input, FileSet& files, Session& ses
 }
 
 }  // namespace
+
+Expected<GltfDocument> read_document(const std::filesystem::path& path, FileSet& files, Session& session) {
+  Expected<GltfDocument> document = GltfDocument::read(path, {}, session.context);
+  if (!document) return document.error();
+  for (const std::filesystem::path& file : document->named_files())
+    if (Status status = files.reads(file); !status) return status.error();
+  return document;
+}
 
 Expected<LoadedAsset> load(const Input& input, FileSet& files, Session& session) {
   if (is_gltf(input.files.mesh)) return load_gltf(input, files, session);

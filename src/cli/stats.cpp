@@ -123,11 +123,12 @@ Expected<std::vector<std::string>> failed_gates(const Json& figures, std::span<c
 }
 
 /// A mesh file, or all that a glTF file draws.
-Expected<PolygonMesh> read_polygons(const std::filesystem::path& path, const FileLimits& limits, Context& context) {
-  if (!is_gltf(path)) return read_surface(path, limits, context);
-  const Expected<GltfDocument> document = GltfDocument::read(path, {}, context);
+Expected<PolygonMesh> read_polygons(const std::filesystem::path& path, const FileLimits& limits, FileSet& files,
+                                    Session& session) {
+  if (!is_gltf(path)) return read_surface(path, limits, session.context);
+  const Expected<GltfDocument> document = read_document(path, files, session);
   if (!document) return document.error();
-  return gltf_polygons(*document, context);
+  return gltf_polygons(*document, session.context);
 }
 
 /// Where the weights of a mesh NAME.obj are: NAME-weights.dmat, or NAME.dmat.
@@ -145,12 +146,12 @@ Expected<SkinWeights> read_skin_weights(const std::filesystem::path& path, const
 }
 
 Expected<Json> figures(const std::filesystem::path& path, const StatsCommand& options, const LoadedAsset* input,
-                       std::span<const Pose> poses, Session& session) {
+                       std::span<const Pose> poses, FileSet& files, Session& session) {
   const auto in_file = [&](Error error) {
     error.where = path.string() + (error.where.empty() ? "" : ", " + error.where);
     return error;
   };
-  Expected<PolygonMesh> mesh = read_polygons(path, options.input.load.limits, session.context);
+  Expected<PolygonMesh> mesh = read_polygons(path, options.input.load.limits, files, session);
   if (!mesh) return mesh.error();
   const MeshStatistics s = mesh_statistics(*mesh);
   Json out;
@@ -333,7 +334,7 @@ Status stats(const StatsCommand& options, Session& session) {
   Json all = Json::array();
   for (const auto& path : options.meshes) {
     session.context.progress(path.filename().string(), static_cast<double>(all.size()) / double(options.meshes.size()));
-    Expected<Json> one = figures(path, options, input ? &*input : nullptr, poses, session);
+    Expected<Json> one = figures(path, options, input ? &*input : nullptr, poses, files, session);
     if (!one) return one.error();
     if (!(*one)["valid"].get<bool>()) session.in_part = true;
     const Expected<std::vector<std::string>> failed = failed_gates(*one, *gates);

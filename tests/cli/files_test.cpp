@@ -49,7 +49,8 @@ TEST_CASE("command: no output is written over a file that the input names, by wh
                              "'in/skin one.png'", "far.png", "in/a.gltf", "out/in/a.gltf", "in/lost.obj"})
     for (const char* arguments :
          {"remesh in/a.gltf --quads 200 -o out/x.glb --report ",
-          "remesh in/a.gltf --quads 200 --force -o out/x.glb --report ", "stats far.obj --input in/a.gltf --report "}) {
+          "remesh in/a.gltf --quads 200 --force -o out/x.glb --report ", "stats far.obj --input in/a.gltf --report ",
+          "stats in/a.gltf --report ", "field in/a.gltf --report "}) {
       INFO(arguments << output);
       CHECK(run_quadrig(folder, std::string(arguments) + output).exit_code == 2);
       CHECK(everything(folder) == before);

@@ -145,7 +145,8 @@ def overwrites(tools, scratch):
                     (["stats", "in/mesh.obj", "--input", "in/mesh.obj", *rig], ["--report"])],
             "gltf": [(["remesh", "in/asset.gltf", "--quads", "30", "-o", "out/q.glb"], ["--report"]),
                      (["remesh", "in/asset.gltf", "--quads", "30", "-o", "out/q.gltf", "--force"], ["--report"]),
-                     (["stats", "in/mesh.obj", "--input", "in/asset.gltf"], ["--report"])]}
+                     (["stats", "in/mesh.obj", "--input", "in/asset.gltf"], ["--report"]),
+                     (["stats", "in/asset.gltf"], ["--report"]), (["field", "in/asset.gltf"], ["--report"])]}
     for kind in inputs:
         for k, name in enumerate(inputs[kind]):
             for spelled in spellings(name, "%s%d" % (kind, k) and k + (10 if kind == "gltf" else 0)):
