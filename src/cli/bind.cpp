@@ -82,16 +82,10 @@ void add_bind(CLI::App& app, Run& run) {
   verb->add_option("-o,--output", options->output, "A row a vertex of MESH, a column a bone: .dmat")
       ->required()
       ->type_name("W.dmat");
-  verb->add_option_function<std::string>(
-          "--method",
-          [options](const std::string& name) {
-            for (const BindMethod method :
-                 {BindMethod::nearest_bone, BindMethod::geodesic_voxel, BindMethod::bounded_biharmonic})
-              if (name == bind_method_name(method)) options->bind.method = method;
-          },
-          "voxel: falls off with the distance within the body; biharmonic: the smoothest through it; nearest: the "
-          "nearest bone alone")
-      ->check(CLI::IsMember({"voxel", "biharmonic", "nearest"}))
+  add_bind_method(
+      *verb, "--method", [options](BindMethod method) { options->bind.method = method; },
+      "voxel: falls off with the distance within the body; biharmonic: the smoothest through it; nearest: the "
+      "nearest bone alone")
       ->option_text("voxel|biharmonic|nearest = voxel");
   verb->add_option("--influences", options->bind.influences, "Most bones that move a vertex")
       ->capture_default_str()

@@ -1,7 +1,6 @@
 // quadrig field: the cross field alone.
 #include "quadrig/field.hpp"
 
-#include <charconv>
 #include <map>
 
 #include "command.hpp"
@@ -15,14 +14,6 @@ struct FieldCommand {
   double crease_degrees = 0;
   std::filesystem::path output, report;
 };
-
-void append(std::string& text, const Vector3& v) {
-  for (int i = 0; i < 3; ++i) {
-    char buffer[32];
-    text += ' ';
-    text.append(buffer, std::to_chars(buffer, buffer + sizeof buffer, v[i]).ptr);
-  }
-}
 
 /// OBJ lines: the two lines of each face's cross, as long as a quad of that density would be where the mean one is as
 /// long as the face.
@@ -41,8 +32,8 @@ std::string crosses(const TriangleMesh<double>& mesh, const Connection<double>& 
       const double length = std::abs(z);
       const Complex half = z / length * size * std::clamp(mean / length, 0.25, 1.5);
       const Vector3 arm = connection.to_vector(f, half);
-      append(text += 'v', centre - arm);
-      append(text += "\nv", centre + arm);
+      put_numbers(text += 'v', centre - arm);
+      put_numbers(text += "\nv", centre + arm);
       text += '\n';
       lines += "l " + std::to_string(corner) + ' ' + std::to_string(corner + 1) + '\n';
       corner += 2;
@@ -61,7 +52,7 @@ std::string singular_points(const TriangleMesh<double>& mesh, const Singularitie
   for (const auto& [index, vertices] : of_index) {
     text += "g singular_" + std::string(index > 0 ? "plus_" : "minus_") + std::to_string(std::abs(index)) + "\n";
     for (const Index v : vertices) {
-      append(text += 'v', mesh.position(v));
+      put_numbers(text += 'v', mesh.position(v));
       text += "\np " + std::to_string(++number) + "\n";
     }
   }
@@ -76,7 +67,7 @@ std::string raw_field(const TriangleMesh<double>& mesh, const Connection<double>
     const auto at = static_cast<std::size_t>(f);
     std::string row;
     for (const Complex z : {frames.u[at], frames.v[at], -frames.u[at], -frames.v[at]})
-      append(row, connection.to_vector(f, z));
+      put_numbers(row, connection.to_vector(f, z));
     text += row.substr(1) + "\n";
   }
   return text;

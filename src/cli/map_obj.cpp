@@ -1,19 +1,10 @@
 #include "map_obj.hpp"
 
-#include <charconv>
 #include <map>
 
+#include "command.hpp"
+
 namespace quadrig::cli {
-namespace {
-
-void put(std::string& text, double value) {
-  std::array<char, 32> digits;
-  text += ' ';
-  text.append(digits.data(), std::to_chars(digits.data(), digits.data() + digits.size(), value).ptr);
-}
-
-}  // namespace
-
 std::string map_obj_text(std::span<const ComponentMap> maps) {
   std::string text = "# quadrig map: one unit of texture coordinates a quad\n";
   Index vertices = 1, coordinates = 1;
@@ -24,7 +15,7 @@ std::string map_obj_text(std::span<const ComponentMap> maps) {
             (map.rung == Rung::fine_map ? ": an integer grid\n" : ": seamless, not rounded to integers\n");
     for (Index v = 0; v < mesh.vertex_count(); ++v) {
       text += 'v';
-      for (int c = 0; c < 3; ++c) put(text, mesh.position(v)[c]);
+      put_numbers(text, mesh.position(v));
       text += '\n';
     }
     // One coordinate for all corners of a vertex that agree.
@@ -40,8 +31,8 @@ std::string map_obj_text(std::span<const ComponentMap> maps) {
       before.push_back(h);
       number[at(h)] = coordinates++;
       text += "vt";
-      put(text, map.z[at(h)].real());
-      put(text, map.z[at(h)].imag());
+      put_number(text, map.z[at(h)].real());
+      put_number(text, map.z[at(h)].imag());
       text += '\n';
     }
     for (Index f = 0; f < mesh.face_count(); ++f) {

@@ -133,19 +133,13 @@ Expected<Pose> of_clip(const Rig& rig, const PoseCommand& options) {
 
 std::string polygons_obj(const PolygonMesh& mesh) {
   std::string text = "# quadrig " QUADRIG_VERSION "\n";
-  const auto append = [&text](auto value) {
-    char buffer[32];
-    text += ' ';
-    text.append(buffer, std::to_chars(buffer, buffer + sizeof buffer, value).ptr);
-  };
   for (Index v = 0; v < mesh.vertex_count(); ++v) {
-    text += 'v';
-    for (int i = 0; i < 3; ++i) append(mesh.positions(v, i));
+    put_numbers(text += 'v', mesh.positions.row(v).transpose());
     text += '\n';
   }
   for (Index p = 0; p < mesh.polygon_count(); ++p) {
     text += 'f';
-    for (const Index v : mesh.polygon(p)) append(v + 1);
+    for (const Index v : mesh.polygon(p)) put_number(text, v + 1);
     text += '\n';
   }
   return text;

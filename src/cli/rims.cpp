@@ -1,8 +1,6 @@
 // quadrig rims: the openings of a surface; and what `remesh --rims` takes.
 #include "rims.hpp"
 
-#include <charconv>
-
 #include "quadrig/symmetry.hpp"
 
 namespace quadrig::cli {
@@ -20,12 +18,7 @@ std::string lines_obj(std::span<const Rim> rims) {
   for (const Rim& rim : rims) {
     text += "g " + std::string(rim_kind_name(rim.kind)) + "\n";
     for (const Vector3& p : rim.points) {
-      text += 'v';
-      for (int i = 0; i < 3; ++i) {
-        char buffer[32];
-        text += ' ';
-        text.append(buffer, std::to_chars(buffer, buffer + sizeof buffer, p[i]).ptr);
-      }
+      put_numbers(text += 'v', p);
       text += '\n';
     }
     text += 'l';

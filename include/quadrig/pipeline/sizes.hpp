@@ -119,13 +119,8 @@ class SizeMaker {
     const std::size_t m = at(mesh_.face_count());
     const std::vector<double>& own = sizing_.own_density;
     if (own.size() == m) return own;
+    if (!own.empty()) return on_faces(own);
     std::vector<double> density;
-    if (!own.empty()) {  // a vertex: the mean of the corners
-      density.assign(m, 0.0);
-      for (Index h = 0; h < mesh_.halfedge_count(); ++h)
-        density[at(TriangleMesh<double>::face_of(h))] += own[at(mesh_.origin(h))] / 3;
-      return density;
-    }
     switch (sizing_.density) {
       case DensitySource::uniform:
         density.assign(m, 1.0);

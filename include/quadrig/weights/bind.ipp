@@ -262,6 +262,15 @@ struct CellHolder {
   }
 };
 
+/// Of each bone, whether it holds a cell.
+inline std::vector<char> holding_bones(std::span<const CellHolder> holder, Index bones) {
+  std::vector<char> holds(at(bones), 0);
+  for (const CellHolder& own : holder)
+    for (const Index b : {own.bone, own.other})
+      if (b != no_index) holds[at(b)] = 1;
+  return holds;
+}
+
 /// Which bone holds each cell of a body: the one whose segment passes through it, of several the one whose middle is
 /// nearest, and both where two are as near, as at the joint of two bones of one length. A bone that passes through no
 /// cell, or only through those of others, holds the free cell nearest to it.
@@ -291,10 +300,7 @@ inline std::vector<CellHolder> cell_holders(const BodyGraph& graph, const VoxelB
       off[at(v)] = std::min(off[at(v)], from_middle);
     }
   }
-  std::vector<char> holds(at(skeleton.bone_count()), 0);
-  for (const CellHolder& own : holder)
-    for (const Index b : {own.bone, own.other})
-      if (b != no_index) holds[at(b)] = 1;
+  const std::vector<char> holds = holding_bones(holder, skeleton.bone_count());
   for (Index b = 0; b < skeleton.bone_count(); ++b) {
     if (holds[at(b)]) continue;
     Index nearest = no_index;
@@ -414,10 +420,7 @@ inline Expected<Eigen::MatrixXd> biharmonic_body(const TriangleMesh<double>& mes
   const std::vector<CellHolder> holder = cell_holders(graph, body, skeleton);
   Eigen::MatrixXd dense = Eigen::MatrixXd::Zero(mesh.vertex_count(), skeleton.bone_count());
   std::vector<Status> status(at(skeleton.bone_count()));
-  std::vector<char> holds(status.size(), 0);
-  for (const CellHolder& own : holder)
-    for (const Index b : {own.bone, own.other})
-      if (b != no_index) holds[at(b)] = 1;
+  const std::vector<char> holds = holding_bones(holder, skeleton.bone_count());
   Status spread =
       spread_distances(skeleton, body, bones_outside, context, [&](std::size_t b, std::span<const float> distance) {
         if (!holds[b]) return;
