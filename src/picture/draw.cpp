@@ -460,8 +460,9 @@ Expected<Image> draw(std::span<const Panel> panels, const PictureOptions& option
     const Panel& panel = panels[static_cast<std::size_t>(i)];
     const Cell cell = Painter(panel, options, bounds, captions ? caption_pixels : 0).draw();
     const int left = (i % columns) * options.cell_width, top = (i / columns) * options.cell_height;
+    const int gap = panel.close_up && count > 1 ? 4 : 0;  // close-ups reach their panel's sides
     for (int y = 0; y < options.cell_height - (captions ? caption_pixels : 0); ++y)
-      for (int x = 0; x < options.cell_width; ++x) fill(image, left + x, top + y, 1, 1, cell.pixel(x, y));
+      for (int x = gap; x < options.cell_width - gap; ++x) fill(image, left + x, top + y, 1, 1, cell.pixel(x, y));
     write_legend(image, panel.legend, left, top, options.cell_width, palette.ink);
     const double width = text_width(caption_letters, panel.caption);
     const double height = caption_letters * std::min(1.0, 0.94 * options.cell_width / std::max(width, 1.0));

@@ -59,15 +59,23 @@ std::pair<Index, Vector3> exit_of(const TriangleMesh<double>& mesh, Index face, 
 }
 
 std::vector<Step> trace(const TriangleMesh<double>& mesh, const Connection<double>& connection,
-                        const FrameField& frames, const Spacing& spacing, Index face, Complex along) {
+                        const FrameField& frames, const Spacing& spacing, Spacing& own, double own_distance, Index face,
+                        Complex along) {
   std::vector<Step> steps;
+  // A line that runs round may come back to itself: what lies far enough behind its end counts as another's.
+  std::size_t behind = 0;
+  double length_behind = 0;
   Vector3 point = position(mesh, SurfacePoint{face, Vector3::Constant(1.0 / 3)});
-  for (int k = 0; k < 400; ++k) {
+  for (int k = 0; k < 2000; ++k) {
     const Vector3 direction = connection.to_vector(face, along / std::abs(along)).normalized();
-    if (k > 0 && !spacing.free(point, direction)) break;
+    if (k > 0 && !(spacing.free(point, direction) && own.free(point, direction))) break;
     const auto [through, end] = exit_of(mesh, face, point, direction);
     if (through == no_index) break;
     steps.push_back({point, end, direction});
+    for (length_behind += (end - point).norm(); length_behind > own_distance; ++behind) {
+      own.add((steps[behind].from + steps[behind].to) / 2, steps[behind].direction);
+      length_behind -= (steps[behind].to - steps[behind].from).norm();
+    }
     if (mesh.twin(through) == no_index) break;
     const Complex carried = along / std::abs(along) * connection.transport(mesh, through);
     face = mesh.twin(through) / 3;
@@ -96,8 +104,15 @@ std::vector<Stroke> field_lines(const TriangleMesh<double>& mesh, const FrameFie
     const Vector3 start = position(mesh, SurfacePoint{f, Vector3::Constant(1.0 / 3)});
     for (const Complex z : {frames.u[at], frames.v[at]}) {
       if (!taken.free(start, connection.to_vector(f, z).normalized())) continue;
-      std::vector<Step> line = trace(mesh, connection, frames, taken, f, z);
-      const std::vector<Step> back = trace(mesh, connection, frames, taken, f, -z);
+      Spacing own(spacing);
+      std::vector<Step> line = trace(mesh, connection, frames, taken, own, 3 * spacing, f, z);
+      // The line's beginning is too near for its other half.
+      Spacing own_back(spacing);
+      double length_before = 0;
+      for (const Step& step : line)
+        if ((length_before += (step.to - step.from).norm()) > 3 * spacing)
+          own_back.add((step.from + step.to) / 2, step.direction);
+      const std::vector<Step> back = trace(mesh, connection, frames, taken, own_back, 3 * spacing, f, -z);
       line.insert(line.end(), back.begin(), back.end());
       double length = 0;
       for (const Step& step : line) length += (step.to - step.from).norm();
