@@ -99,7 +99,7 @@ class Figures:
         return result.stdout
 
     def picture(self, name, *words):
-        size = [] if "--width" in words else SIZE
+        size = [w for k in (0, 2) if SIZE[k] not in words for w in SIZE[k:k + 2]]
         subprocess.run([self.picture_command, *map(str, words), *size, "-o", self.folder / (name + ".png")], check=True)
 
     def sample(self, name, triangles=20000):
@@ -375,6 +375,21 @@ COLUMNS = [("singularities", "singular", 0), ("degrees_to_bone_field", "field to
            ("posed_joints", "posed, joints", 2), ("posed_all", "posed, all", 2), ("rest_error", "rest", 2)]
 
 
+def write_table(folder, rows):
+    """Rows of figures that were not made this time stay."""
+    table = folder / "table.json"
+    made = {row["figure"] for row in rows}
+    if table.exists():
+        rows = list(rows) + [row for row in json.loads(table.read_text()) if row["figure"] not in made]
+    rows = sorted(rows, key=lambda row: [int(part) for part in row["figure"].split(".")])
+    lines = ["| figure | what | preset | " + " | ".join(title for _, title, _ in COLUMNS) + " |", "|" + "---|" * (3 + len(COLUMNS))]
+    for row in rows:
+        cells = ["" if row.get(key) is None else f"{row[key]:.{digits}f}" for key, _, digits in COLUMNS]
+        lines.append(f"| {row['figure']} | {row['what']} | {row['preset']} | " + " | ".join(cells) + " |")
+    (folder / "table.md").write_text("\n".join(lines) + "\n")
+    table.write_text(json.dumps(rows, indent=1) + "\n")
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("quadrig")
@@ -389,16 +404,11 @@ def main():
         start = time.monotonic()
         try:
             make(figures)
-        except (RuntimeError, subprocess.CalledProcessError) as error:
+        except (RuntimeError, OSError, subprocess.CalledProcessError) as error:
             failed += 1
             print(f"{make.__name__}: {error}", file=sys.stderr)
+        write_table(options.folder, figures.rows)
         print(f"{make.__name__}: {time.monotonic() - start:.1f} s", file=sys.stderr)
-    lines = ["| figure | what | preset | " + " | ".join(title for _, title, _ in COLUMNS) + " |", "|" + "---|" * (3 + len(COLUMNS))]
-    for row in figures.rows:
-        cells = ["" if row.get(key) is None else f"{row[key]:.{digits}f}" for key, _, digits in COLUMNS]
-        lines.append(f"| {row['figure']} | {row['what']} | {row['preset']} | " + " | ".join(cells) + " |")
-    (options.folder / "table.md").write_text("\n".join(lines) + "\n")
-    (options.folder / "table.json").write_text(json.dumps(figures.rows, indent=1) + "\n")
     print(f"{len(list(options.folder.glob('*.png')))} pictures, {failed} failed; the table is {options.folder / 'table.md'}")
     return failed > 0
 
