@@ -227,7 +227,7 @@ def wing_5_5(f):
     files = mesh, rig, weights = f.sample("wing")
     quads, quad_weights, grid = f.measured("5.5", "wing", files, "thesis", 2000)
     f.measured("5.5", "wing", files, "default", 2000)
-    bent = f.posed(quads, rig, quad_weights, "5.5", [("1", "y", 20), ("2", "y", 40), ("3", "y", 60)])
+    bent = f.posed(quads, rig, quad_weights, "5.5", [("1", "z", 8), ("2", "z", 16), ("3", "z", 24)])
     f.picture("5.5-wing", mesh, f"rig={rig}", "bones=yes", "edges=no", "caption=bones side by side", grid, "grid=yes",
               "caption=map: dense in the folds", bent, "dots=no", "caption=bent", "--own-frames", "--tilt", "60", "--height", "340")
 
