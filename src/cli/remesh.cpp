@@ -298,6 +298,7 @@ Status remesh_files(RemeshCommand options, Session& session) {
     job.options.keep_textures = options.keeps("textures");
     job.options_json = options_json(options);
     job.force = options.force;
+    job.strict_count = options.strict_count;
     return remesh_gltf_file(job, session);
   }
 

@@ -38,6 +38,7 @@ class ShellPoses {
     if (asset.rig && shell.bends) choose_poses(*asset.rig);
     choose_targets();
     points_.weight.assign(1, 1.0);
+    points_.bends = poses_.size();
     points_.weight.insert(points_.weight.end(), poses_.size(),
                           1.0 / static_cast<double>(std::max<std::size_t>(1, poses_.size())));
     points_.weight.insert(points_.weight.end(), targets_.size(),

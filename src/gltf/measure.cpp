@@ -23,7 +23,8 @@ Measure::Measure(Triangles faces, PosedPoints points) : faces_(std::move(faces))
 Apart Measure::apart(const Triangles& faces, std::span<const Points<double>> places) const {
   Apart sum;
   double weight = 0;
-  const auto one_way = [&](const Points<double>& from, const Triangles& of, const ClosestPoint& to, double share) {
+  const auto one_way = [&](const Points<double>& from, const Triangles& of, const ClosestPoint& to, double share,
+                           double& largest) {
     const std::vector<SurfacePoint> samples = sample_surface(from, of, samples_of(of), 7);
     if (samples.empty()) return;
     const double each = share / static_cast<double>(samples.size());
@@ -33,22 +34,25 @@ Apart Measure::apart(const Triangles& faces, std::span<const Points<double>> pla
       const double squared = to.closest(p).squared_distance;
       sum.rms += each * squared;
       sum.mean += each * std::sqrt(squared);
-      sum.largest = std::max(sum.largest, squared);
+      largest = std::max(largest, squared);
     }
     weight += share;
     const auto corners = std::min<Eigen::Index>(of.size(), 6000);
     for (Eigen::Index k = 0; k < corners; ++k) {
       const Eigen::Index c = k * (of.size() / corners);
-      sum.largest = std::max(sum.largest, to.closest(from.row(of(c / 3, c % 3)).transpose()).squared_distance);
+      largest = std::max(largest, to.closest(from.row(of(c / 3, c % 3)).transpose()).squared_distance);
     }
   };
   for (std::size_t k = 0; k < places.size(); ++k) {
     const ClosestPoint back(places[k], faces);
-    one_way(points_.places[k], faces_, back, points_.weight[k]);
-    one_way(places[k], faces, trees_[k], points_.weight[k]);
+    double largest = 0;
+    one_way(points_.places[k], faces_, back, points_.weight[k], largest);
+    one_way(places[k], faces, trees_[k], points_.weight[k], largest);
+    sum.largest = std::max(sum.largest, largest);
+    if (k == 0 || k > points_.bends) sum.largest_unbent = std::max(sum.largest_unbent, largest);
   }
   if (!(weight > 0)) return {};
-  return {std::sqrt(sum.rms / weight), sum.mean / weight, std::sqrt(sum.largest)};
+  return {std::sqrt(sum.rms / weight), sum.mean / weight, std::sqrt(sum.largest), std::sqrt(sum.largest_unbent)};
 }
 
 Triangles as_triangles(std::span<const Polygon> polygons) {

@@ -10,6 +10,9 @@ namespace quadrig::gltf {
 struct Apart {
   double rms = 0, mean = 0;  ///< over samples and poses, by their weights
   double largest = 0;        ///< at vertices and samples
+  /// Of those at rest and with morph targets. Bends are no measure of what was lost: between its vertices a coarse
+  /// surface bends along straight lines, where finer quads follow the joint.
+  double largest_unbent = 0;
 };
 
 /// Holds what is made of a shell against the shell.

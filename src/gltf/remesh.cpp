@@ -135,6 +135,7 @@ void collect(Job& job, const Shells& shells, GltfRemeshed& done, GltfNormals nor
     told.rms = shell.apart.rms;
     told.mean = shell.apart.mean;
     told.largest = shell.apart.largest;
+    told.largest_unbent = shell.apart.largest_unbent;
     double area = 0;
     for (const Index f : shell.faces) area += asset.mesh.area(f);
     told.edge = std::sqrt(2 * area / std::max<Index>(1, shell.triangles()));
@@ -358,10 +359,10 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
   for (std::size_t s = 0; s < all.size(); ++s)
     for (std::size_t c = 0; c < all[s].shells.size(); ++c) {
       const GltfShell& told = all[s].shells[c];
-      if (!(options.most_edges_off > 0 && told.largest > options.most_edges_off * told.edge)) continue;
+      if (!(options.most_edges_off > 0 && told.largest_unbent > options.most_edges_off * told.edge)) continue;
       ++all[s].strayed;
       char far[32];
-      std::snprintf(far, sizeof far, "%.1f", told.largest / told.edge);
+      std::snprintf(far, sizeof far, "%.1f", told.largest_unbent / told.edge);
       context.warn("gltf", told.part + " strays " + far +
                                " edges of its quads from the input; ask for more quads, or allow it by max-error");
     }

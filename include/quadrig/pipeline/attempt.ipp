@@ -117,8 +117,7 @@ class AttemptRun {
     return repair;
   }
 
-  /// Border vertices that are to be no corners: their mirror images close the surface around them. Not on a stand-in,
-  /// which has no marks of its own.
+  /// Border vertices that are to be no corners: their mirror images close the surface around them.
   [[nodiscard]] std::vector<char> straight_border() const {
     std::vector<char> straight;
     if (!shared_.whole || piece_.mirror.empty()) return straight;
@@ -190,8 +189,8 @@ class AttemptRun {
         leave(reason);
         return Outcome::unmappable;
       }
-      std::vector<Index> trouble;
-      Expected<MadeQuads> made = quads_of(connection, surgery.field(), trouble, budget);
+      std::vector<Index> trouble, flat;
+      Expected<MadeQuads> made = quads_of(connection, surgery.field(), trouble, flat, budget);
       if (context_.cancelled()) return cancelled_error("remesh");
       watch_ = {};  // those of the map are taken
       if (made) return judged(std::move(*made), surgery.field());
@@ -206,6 +205,7 @@ class AttemptRun {
         if (last) return Outcome::tangled;
         continue;
       }
+      if (!last && !budget.spent(Work::maps) && release_near(mesh_, flat, piece_.kept)) continue;
       const Outcome outcome = trouble.empty() ? Outcome::flat : Outcome::tangled;
       if (budget.spent(Work::maps)) {
         leave("maps on these triangles have taken their share of the work");
@@ -223,8 +223,9 @@ class AttemptRun {
   }
 
   /// \param trouble on return the faces at which no valid map was found, where that was the reason
+  /// \param flat on return those at which edges that are kept hold quads flat, where that was the reason
   [[nodiscard]] Expected<MadeQuads> quads_of(const Connection<double>& connection, const FieldResult& field,
-                                             std::vector<Index>& trouble, Budget& budget) {
+                                             std::vector<Index>& trouble, std::vector<Index>& flat, Budget& budget) {
     context_.progress("map", 0.2);
     SpanTimer span(context_, "map", count_of(mesh_.face_count(), "triangle"));
     FrameField frames = field.frames;
@@ -257,6 +258,10 @@ class AttemptRun {
       return map_error(map->report.tries.back());
     }
 
+    // What the map is not straight along holds no vertices of quads.
+    for (std::size_t h = 0; h < piece_.kept.size(); ++h)
+      if (map->aligned[h] == Aligned::none) piece_.kept[h] = 0;
+
     strain_ = map->report.strain;
     const TriangleMesh<double>& surface = surface_mesh();
     const EdgeMarks& surface_kept = surface_marks();
@@ -269,6 +274,7 @@ class AttemptRun {
     Expected<MadeQuads> made = quads.run();
     result_.seconds += quads.seconds;
     if (!quads.untangling_backend.empty()) backends.untangling = quads.untangling_backend;
+    flat = std::move(quads.flat);
     if (!made) return made;
     if (options_.keep_maps) {
       map_ = ComponentMap{mesh_, std::move(made->z), map->index4, EdgeMarks(map->cut.branch.size(), 0)};
