@@ -118,6 +118,34 @@ TEST_CASE("gltf characters: counts fall with the request, and no material is los
   }
 }
 
+TEST_CASE("gltf characters: islands smaller than a quad keep one each, where they lie", "[gltf][fast]") {
+  // Two cells with sides of .06 on quads with sides of .15 to .3: they hold the middle of one by chance alone.
+  for (const Index quads : {40, 80, 160}) {
+    GltfRemeshOptions options;
+    options.remesh.quads = quads;
+    options.topology = GltfTopology::field;
+    const Character done = made(tube_file({.sides = 24, .rings = 32, .spots = true}), options);
+    INFO(quads);
+    CHECK(done.surfaces[0].failures.empty());
+    CHECK(done.surfaces[0].shells[0].make == GltfMake::field);
+    const std::vector<GltfVertices> primitives = vertices_with(done.document, "POSITION");
+    REQUIRE(primitives.size() == 3);
+    const GltfVertices& spots = primitives[2];
+    CHECK(spots.triangles.rows() >= 4);
+    CHECK(spots.triangles.rows() <= 8);
+    const double edge = std::sqrt(std::numbers::pi / quads);  // about: the tube's area is 3.5
+    Index near = 0, far = 0;
+    for (Eigen::Index k = 0; k < spots.triangles.size(); ++k) {
+      const auto p = spots.values.row(spots.triangles(k / 3, k % 3));
+      (p[0] > 0 ? near : far) += 1;
+      CHECK(std::abs(p[1] - 0.5) < 2.5 * edge);
+      CHECK(std::abs(p[2]) < 0.25);
+    }
+    CHECK(near >= 6);
+    CHECK(far >= 6);
+  }
+}
+
 TEST_CASE("gltf characters: coarse or fine, no morph target parts doubled vertices", "[gltf][fast]") {
   for (const Index quads : {60, 150, 192, 600}) {
     const Character done = made({.sides = 16, .rings = 12}, quads);

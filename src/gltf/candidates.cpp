@@ -203,9 +203,12 @@ Expected<FieldQuads> make_field(const Gathered& gathered, const Shells& shells, 
   if (options.on_part) options.on_part(part, made.faces, own);
   Expected<UnfittedQuads> unfitted = remesh_unfitted(part, own, context);
   if (!unfitted) return unfitted.error();
+  Regions regions(gathered, part.mesh, made.faces);
+  std::set<Index> primitives;
+  for (const Index f : made.faces) primitives.insert(gathered.surface.source_primitive[at(f)]);
+  if (primitives.size() > 1) regions.claim_for_lost(unfitted->mesh);
   if (options.snap_seams) {
     const Stopwatch watch;
-    Regions regions(gathered, part.mesh, made.faces);
     const SeamFigures figures =
         snap_to_seams(part.mesh, regions, options.least_at_seams, unfitted->on_features, unfitted->mesh, context);
     made.seam_edges = figures.edges;
@@ -222,20 +225,19 @@ Expected<FieldQuads> make_field(const Gathered& gathered, const Shells& shells, 
   std::erase_if(made.result.report.warnings,
                 [](const Warning& warning) { return warning.stage == "coverage" || warning.stage == "count"; });
   // No primitive may vanish.
-  std::set<Index> lost;
-  for (const Index f : made.faces) lost.insert(gathered.surface.source_primitive[at(f)]);
-  if (lost.size() > 1) {
-    Regions regions(gathered, part.mesh, made.faces);
-    for (Index q = 0; q < made.result.mesh.quad_count() && !lost.empty(); ++q)
-      lost.erase(regions.of_quad(made.result.mesh, q).primitive);
-    if (!lost.empty()) {
-      const Primitive& first = gathered.primitives[at(*lost.begin())];
+  if (primitives.size() > 1) {
+    regions.claim_for_lost(made.result.mesh);
+    for (Index q = 0; q < made.result.mesh.quad_count() && !primitives.empty(); ++q)
+      primitives.erase(regions.of_quad(made.result.mesh, q).primitive);
+    if (!primitives.empty()) {
+      const Primitive& first = gathered.primitives[at(*primitives.begin())];
       return Error{ErrorCode::stage_failed,
                    numbered("meshes", first.mesh) + "." + numbered("primitives", first.number) +
-                       " is smaller than a quad and would be lost",
+                       " has no quad of its own: there are fewer quads than primitives",
                    gathered.surface.label(), "ask for more quads"};
     }
   }
+  made.claims = regions.claims();
   return made;
 }
 

@@ -104,10 +104,13 @@ void collect(Job& job, const Shells& shells, GltfRemeshed& done, GltfNormals nor
   const Asset& asset = job.gathered.surface.asset;
   RemeshResult& result = done.result;
   std::vector<const SkinWeights*> weights;
+  std::map<Index, Index> claims;
   result.mesh.positions.resize(0, 3);
   result.mesh.quads.resize(0, 4);
   for (const Shell& shell : shells.list) {
     if (!shell.field) continue;
+    for (const auto& [quad, face] : shell.field->claims)
+      claims[result.mesh.quad_count() + quad] = shell.field->faces[at(face)];
     append(result, *shell.field);
     if (shell.field->result.weights) weights.push_back(&*shell.field->result.weights);
     done.seam_edges += shell.field->seam_edges;
@@ -118,7 +121,7 @@ void collect(Job& job, const Shells& shells, GltfRemeshed& done, GltfNormals nor
   if (normals == GltfNormals::automatic)
     keep_normals = authored_normals(job.gathered, *shells.wedges, shells.components);
   for (std::size_t s = 0; s < shells.list.size(); ++s) done.kept_normals += shells.list[s].field && keep_normals[s];
-  add_field(job, shells, result, keep_normals, influences);
+  add_field(job, shells, result, claims, keep_normals, influences);
   for (const bool quads : {true, false})
     for (const Shell& shell : shells.list)
       if (!shell.field) add_polygons(job, shells, shell, quads, normals, influences);
