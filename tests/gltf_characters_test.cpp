@@ -146,6 +146,37 @@ TEST_CASE("gltf characters: islands smaller than a quad keep one each, where the
   }
 }
 
+TEST_CASE("gltf characters: where own quads keep what is painted in its place, they are taken", "[gltf][fast]") {
+  // The field's few quads are as near to a tube as fewer rows are; its spots are off by half a quad.
+  const Character done = made({.sides = 24, .rings = 32, .spots = true}, 400);
+  const std::vector<GltfVertices> primitives = vertices_with(done.document, "POSITION");
+  REQUIRE(primitives.size() == 3);
+  const GltfVertices& spots = primitives[2];
+  for (Eigen::Index k = 0; k < spots.triangles.size(); ++k) {
+    const auto p = spots.values.row(spots.triangles(k / 3, k % 3));
+    CHECK(std::abs(p[1] - 0.53) < 0.1);
+    CHECK(std::abs(p[2]) < 0.2);
+  }
+}
+
+TEST_CASE("gltf characters: quads on the border of a material are fitted as others are", "[gltf][fast]") {
+  // Flat quads are nearest to a tube with their corners outside it; the border runs round at y = 1.
+  GltfRemeshOptions options;
+  options.remesh.quads = 300;
+  options.topology = GltfTopology::field;
+  const Character done = made(tube_file({.sides = 48, .rings = 32}), options);
+  CHECK(done.surfaces[0].snapped_edges > 10);
+  const Points<double>& places = done.surfaces[0].result.mesh.positions;
+  Index border = 0, outside = 0;
+  for (Index v = 0; v < places.rows(); ++v) {
+    if (std::abs(places(v, 1) - 1) > 0.01) continue;
+    ++border;
+    outside += std::hypot(places(v, 0), places(v, 2)) > 0.25;
+  }
+  CHECK(border >= 6);
+  CHECK(2 * outside > border);
+}
+
 TEST_CASE("gltf characters: coarse or fine, no morph target parts doubled vertices", "[gltf][fast]") {
   for (const Index quads : {60, 150, 192, 600}) {
     const Character done = made({.sides = 16, .rings = 12}, quads);

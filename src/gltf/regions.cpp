@@ -1,6 +1,8 @@
 // Values of quads, seam by seam.
 #include "regions.hpp"
 
+#include <numeric>
+
 namespace quadrig::gltf {
 namespace {
 
@@ -162,16 +164,17 @@ Regions::QuadValues Regions::of_quad(const QuadMesh& quads, Index quad, double& 
   return values;
 }
 
-/// The islands of primitives that have no quad.
-std::vector<Regions::Island> Regions::islands_without(const std::map<Index, Index>& quads_of) const {
-  std::vector<Island> islands;
-  std::vector<char> seen(at(mesh_.face_count()), 0);
+/// \param of_face on return the island of each face
+std::vector<Regions::Island> Regions::islands(std::vector<Index>& of_face) const {
+  std::vector<Island> all;
+  of_face.assign(at(mesh_.face_count()), no_index);
   for (Index first = 0; first < mesh_.face_count(); ++first) {
-    if (seen[at(first)] || quads_of.contains(primitive_of(first))) continue;
-    Island& island = islands.emplace_back();
+    if (of_face[at(first)] != no_index) continue;
+    const auto number = static_cast<Index>(all.size());
+    Island& island = all.emplace_back();
     island.primitive = primitive_of(first);
     island.faces.push_back(first);
-    seen[at(first)] = 1;
+    of_face[at(first)] = number;
     for (std::size_t k = 0; k < island.faces.size(); ++k) {
       const Index face = island.faces[k];
       const double area = mesh_.area(face);
@@ -179,39 +182,59 @@ std::vector<Regions::Island> Regions::islands_without(const std::map<Index, Inde
       island.centre += area * ball_[at(face)].head<3>();
       for (Index h = 3 * face; h < 3 * face + 3; ++h) {
         const Index across = mesh_.twin(h) / 3;
-        if (mesh_.twin(h) == no_index || seen[at(across)] || primitive_of(across) != island.primitive) continue;
-        seen[at(across)] = 1;
+        if (mesh_.twin(h) == no_index || of_face[at(across)] != no_index || primitive_of(across) != island.primitive)
+          continue;
+        of_face[at(across)] = number;
         island.faces.push_back(across);
       }
     }
     island.centre = island.area > 0 ? Vector3(island.centre / island.area) : Vector3(ball_[at(first)].head<3>());
   }
-  return islands;
+  return all;
 }
 
-void Regions::claim_for_lost(const QuadMesh& quads) {
-  constexpr double seen_area = 0.125;  // of a quad
-  std::vector<Index> own(at(quads.quad_count()));
+void Regions::claim_for_islands(const QuadMesh& quads) {
+  constexpr double seen_area = 0.125, few = 4, alike_area = 0.5;  // of a quad, quads, of an island
+  std::vector<Index> island_of, own(at(quads.quad_count()));
+  std::vector<Island> all = islands(island_of);
+  const double quad = mesh_.total_area() / quads.quad_count();
+  if (std::ranges::none_of(all, [&](const Island& island) { return island.area < few * quad; })) return;
+  for (Index q = 0; q < quads.quad_count(); ++q) {
+    static_cast<void>(of_quad(quads, q));
+    own[at(q)] = island_of[at(reached_.front())];
+    ++all[at(own[at(q)])].quads;
+  }
+  // The least island of each primitive that gets a quad.
+  std::map<Index, double> least;
   std::map<Index, Index> quads_of;
-  for (Index q = 0; q < quads.quad_count(); ++q) ++quads_of[own[at(q)] = of_quad(quads, q).primitive];
-  std::vector<Island> islands = islands_without(quads_of);
-  if (islands.empty()) return;
-  std::stable_sort(islands.begin(), islands.end(), [](const Island& a, const Island& b) { return a.area > b.area; });
-  const double least = seen_area * mesh_.total_area() / quads.quad_count();
-  for (const Island& island : islands) {
-    if (island.area < least && quads_of.contains(island.primitive)) continue;
+  for (const Island& island : all) {
+    const auto [known, is_new] = least.try_emplace(island.primitive, seen_area * quad);
+    if (island.quads > 0) known->second = std::min(known->second, alike_area * island.area);
+    quads_of[island.primitive] += island.quads;
+  }
+  std::vector<Index> order(all.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::ranges::stable_sort(order, std::greater{}, [&](Index i) { return all[at(i)].area; });
+  for (const Index i : order) {
+    Island& island = all[at(i)];
+    const bool lost = quads_of[island.primitive] == 0;
+    if (island.quads > 0 || (!lost && (island.area < least[island.primitive] || island.area > few * quad))) continue;
     Index nearest = no_index;
     double squared = std::numeric_limits<double>::infinity();
     for (Index q = 0; q < quads.quad_count(); ++q) {
       const double here = (centre_of(quads, q) - island.centre).squaredNorm();
-      if (here < squared && quads_of[own[at(q)]] > 1 && !claims_.contains(q)) squared = here, nearest = q;
+      if (here < squared && all[at(own[at(q)])].quads > 1 && !claims_.contains(q)) squared = here, nearest = q;
     }
-    if (nearest == no_index) return;
+    if (nearest == no_index || (!lost && squared > few * quad)) continue;
     const Vector3 centre = centre_of(quads, nearest);
     claim(nearest,
           *std::ranges::min_element(island.faces, {}, [&](Index f) { return hit(f, centre).squared_distance; }));
-    --quads_of[own[at(nearest)]];
-    ++quads_of[own[at(nearest)] = island.primitive];
+    --all[at(own[at(nearest)])].quads;
+    --quads_of[all[at(own[at(nearest)])].primitive];
+    own[at(nearest)] = i;
+    ++island.quads;
+    ++quads_of[island.primitive];
+    least[island.primitive] = std::min(least[island.primitive], alike_area * island.area);
   }
 }
 

@@ -27,9 +27,10 @@ class Regions {
   [[nodiscard]] QuadValues of_quad(const QuadMesh& quads, Index quad, double& misfit);
   /// From now on a quad belongs to the primitive of this face, and its values are those around it.
   void claim(Index quad, Index face) { claims_[quad] = face; }
-  /// Primitives that no quad belongs to get one for each of their islands of an eighth of a quad and more, the largest
-  /// in any case: the nearest, where it is not the last of its own. \cost O(quads · islands)
-  void claim_for_lost(const QuadMesh& quads);
+  /// Islands of a primitive, no larger than a few quads, that no quad belongs to get the nearest, where that is not the
+  /// last of its own: those of an eighth of a quad and more, those half as large as one that has some, and the largest
+  /// of a primitive that has none. \cost O(quads · islands)
+  void claim_for_islands(const QuadMesh& quads);
   [[nodiscard]] const std::map<Index, Index>& claims() const { return claims_; }
   /// All columns at a point of `mesh`.
   [[nodiscard]] Eigen::VectorXd values_at(const SurfacePoint& point) const;
@@ -55,8 +56,9 @@ class Regions {
     std::vector<Index> faces;
     double area = 0;
     Vector3 centre = Vector3::Zero();
+    Index quads = 0;
   };
-  [[nodiscard]] std::vector<Island> islands_without(const std::map<Index, Index>& quads_of) const;
+  [[nodiscard]] std::vector<Island> islands(std::vector<Index>& of_face) const;
 
   const Gathered& gathered_;
   const TriangleMesh<double>& mesh_;
