@@ -5,6 +5,7 @@
 #include "quadrig/pipeline/attempt.hpp"
 #include "quadrig/pipeline/landing.hpp"
 #include "quadrig/rims/band.hpp"
+#include "quadrig/seamless/reduce_curl.hpp"
 
 namespace quadrig::detail {
 
@@ -222,6 +223,24 @@ class AttemptRun {
     }
   }
 
+  /// Moves frames and matching towards those of a map.
+  [[nodiscard]] Status reduce(const Connection<double>& connection, const Singularities& singularities,
+                              FrameField& frames, Matching& matching, Budget& budget) {
+    const SpanTimer span(context_, "curl");
+    CurlOptions options;
+    options.rounds = options_.curl_rounds;
+    options.kept = piece_.kept;
+    options.solver = options_.solver;
+    Expected<ReducedField> reduced = reduce_curl(mesh_, connection, frames, matching, singularities, options, context_);
+    if (!reduced) return map_error("curl: " + reduced.error().message());
+    constexpr std::int64_t solves = 2;  // one factorization, and solves that cost little beside it
+    budget.spend(Work::maps, solves * mesh_.face_count());
+    frames = std::move(reduced->frames);
+    matching = std::move(reduced->matching);
+    curl_ = reduced->report.in_units_of(shared_.edge);
+    return {};
+  }
+
   /// \param trouble on return the faces at which no valid map was found, where that was the reason
   /// \param flat on return those at which edges that are kept hold quads flat, where that was the reason
   [[nodiscard]] Expected<MadeQuads> quads_of(const Connection<double>& connection, const FieldResult& field,
@@ -238,6 +257,10 @@ class AttemptRun {
       frames = std::move(*sized);
     }
     if (context_.cancelled()) return cancelled_error("remesh");
+    Matching matching = field.matching;
+    if (options_.curl_rounds > 0)
+      if (Status status = reduce(connection, field.singularities, frames, matching, budget); !status)
+        return status.error();
     SeamlessOptions seamless;
     seamless.quads = shared_.quads;
     seamless.kept = piece_.kept;
@@ -245,7 +268,7 @@ class AttemptRun {
     seamless.accept_defects = true;
     seamless.solver = options_.solver;
     Expected<SeamlessMap> map =
-        seamless_map(mesh_, connection, frames, field.matching, field.singularities, seamless, context_, budget);
+        seamless_map(mesh_, connection, frames, matching, field.singularities, seamless, context_, budget);
     span.end();
     lap(result_.seconds.map);
     if (!map) return map.error();
@@ -316,6 +339,7 @@ class AttemptRun {
                                field.singularities.plus + field.singularities.minus,
                                field.report,
                                strain_,
+                               curl_,
                                std::move(map_)};
     if (farthest > covered_edges) {
       leave("a point " + std::to_string(farthest).substr(0, 4) + " edges of quads off them");
@@ -347,6 +371,7 @@ class AttemptRun {
   const SolverFactory<double> real_solver_ = options_.solver.factory<double>();
   AttemptResult result_;
   MapStrain strain_;             // of the map that came out
+  CurlReport curl_;              // of the field that it was made of
   std::vector<RimBand> bands_;   // along rims that get rings
   std::vector<FaceLoop> loops_;  // that quads are to close along
   std::optional<ComponentMap> map_;

@@ -252,6 +252,7 @@ class ComponentRemesher {
     result_.report.rung = best_->made.rung;
     result_.report.singularities = best_->singularities;
     result_.report.strain = best_->strain;
+    result_.report.curl = best_->curl;
     result_.field = std::move(best_->field);
     result_.map = std::move(best_->map);
     return finished(std::move(found));
