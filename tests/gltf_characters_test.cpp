@@ -345,3 +345,17 @@ TEST_CASE("gltf characters: brows and lashes stay over a coarse face, in each mo
       CHECK(covered == 0);
     }
 }
+
+TEST_CASE("gltf characters: eyes and mouth of the head have their rings from 1500 quads on", "[gltf][rims][slow]") {
+  Context context;
+  const std::string file = make_sample_glb("head", 8000, context).value();
+  GltfRemeshOptions options;
+  for (const Index quads : {1500, 3000}) {
+    options.remesh.quads = quads;
+    const Character done = made(file, options);
+    const std::vector<RimReport>& rims = done.surfaces.front().result.report.rims;
+    CAPTURE(quads);
+    CHECK(rims.size() == 3);
+    for (const RimReport& rim : rims) CHECK(rim.loops >= 3);
+  }
+}
