@@ -9,6 +9,7 @@
 #include "quadrig/skinning.hpp"
 #include "seams.hpp"
 #include "shells.hpp"
+#include "simplified.hpp"
 
 namespace quadrig::gltf {
 namespace {
@@ -279,6 +280,21 @@ Expected<FieldQuads> make_field(const Gathered& gathered, const Shells& shells, 
   return made;
 }
 
+/// Whether none of the primitives is lost, and the triangles are those of a surface: no side is twice there.
+bool stand_for(std::span<const Polygon> few, std::span<const Polygon> all) {
+  std::set<Index> primitives;
+  std::set<std::pair<Index, Index>> sides;
+  for (const Polygon& p : all) primitives.insert(p.primitive);
+  for (const Polygon& p : few) {
+    primitives.erase(p.primitive);
+    for (std::size_t i = 0; i < 3; ++i) {
+      const Index a = p.vertex[i], b = p.vertex[(i + 1) % 3];
+      if (a == b || !sides.emplace(a, b).second) return false;
+    }
+  }
+  return primitives.empty() && !few.empty();
+}
+
 Index material_of(const Gathered& gathered, Index primitive) {
   const std::optional<std::size_t>& material = gathered.primitives[at(primitive)].material;
   return material ? static_cast<Index>(*material) : no_index;
@@ -412,10 +428,15 @@ Status make_shell(const Gathered& gathered, const Shells& shells, Shell& shell, 
   constexpr double unlike_edges = 0.2, unlike_must_gain = 1.0 / 3;
   const bool unlike = best > unlike_edges * edge;
   if (free || unlike) {
-    const SpanTimer simplified(context, "simplified");
+    const SpanTimer span_of_these(context, "simplified");
+    const double handicap = free ? simplified_must_gain : unlike_must_gain;
     std::vector<Polygon> few = coarsened(triangles, *shells.wedges, poses.points(), {wanted, false, 0}, {}, context);
-    compete(paired(mesh.positions(), std::move(few), {}), GltfMake::simplified,
-            free ? simplified_must_gain : unlike_must_gain);
+    compete(paired(mesh.positions(), std::move(few), {}), GltfMake::simplified, handicap);
+    // The best of two is left; against each other they have none.
+    few = simplified(triangles, mesh.positions(), wanted);
+    if (stand_for(few, triangles))
+      compete(paired(mesh.positions(), std::move(few), {}), GltfMake::simplified,
+              shell.make == GltfMake::simplified ? 1 : handicap);
   }
   if (shell.field) shell.polygons.clear();
   if (context.cancelled()) return cancelled_error("gltf");

@@ -126,7 +126,7 @@ class Polisher {
       for (const Index h : mesh_.around(mesh_.faces()(s.face, corner))) angle += mesh_.corner_angle(h);
       if (angle >= std::numbers::pi / 2) continue;
       double& best = best_[at(corners_.at(v)[0] / 4)];
-      best = std::min(best, std::max(std::sin(angle), 1e-9));
+      best = std::min(best, std::max(elementary::sin(angle), 1e-9));
     }
   }
   /// What a scaled Jacobian is of what there is.
