@@ -189,6 +189,19 @@ TEST_CASE("stand-in: the surface's topology, lines and places on fewer triangles
     if (open && made.kept[at(h)]) CHECK(std::abs(p.y() - 0.5) < 1e-9);  // along the line, not off it
     if (made.mesh.twin(h) == no_index) CHECK(std::min({p.x(), p.y(), 1 - p.x(), 1 - p.y()}) < 1e-9);
   }
+  if (open) {
+    // Marks of its border are those of the surface's.
+    const auto low = [](const TriangleMesh<double>& of) {
+      EdgeMarks marks(at(of.halfedge_count()), 0);
+      for (Index h = 0; h < of.halfedge_count(); ++h)
+        marks[at(h)] =
+            of.twin(h) == no_index && of.position(of.origin(h)).y() < 1e-9 && of.position(of.target(h)).y() < 1e-9;
+      return marks;
+    };
+    const EdgeMarks marks = low(made.mesh);
+    CHECK(marked_length(made.mesh, marks) == Approx(marked_length(mesh, low(mesh))).epsilon(0.02));
+    CHECK(quadrig::detail::border_marks_of(made.mesh, made.source, mesh, low(mesh)) == marks);
+  }
   // A million triangles are refused nowhere, but a cancelled call ends.
   std::atomic<bool> stop{true};
   context.cancel_flag = &stop;

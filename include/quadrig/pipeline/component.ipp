@@ -191,12 +191,17 @@ class ComponentRemesher {
                                edge_,
                                mirrored_ ? &*mirrored_->topology : nullptr,
                                number < attempts_with_rings};
-    Expected<AttemptResult> made = run_attempt(shared, attempt, std::move(*piece), afresh, !best_, context_, budget);
+    // Where features that nobody asked for spoil quads, those without deserve as much work.
+    const bool mend = !best_ || (best_unasked_ && !attempt.unasked);
+    Expected<AttemptResult> made = run_attempt(shared, attempt, std::move(*piece), afresh, mend, context_, budget);
     if (!made) return made.error();
     for (const std::string& reason : made->reasons) leave(attempt, reason);
     result_.seconds += made->seconds;
     take_over(made->backends);
-    if (made->found && (!best_ || worth(*made->found) > worth(*best_))) best_ = std::move(made->found);
+    if (made->found && (!best_ || worth(*made->found) > worth(*best_))) {
+      best_ = std::move(made->found);
+      best_unasked_ = attempt.unasked;
+    }
     return Tried{0, made->outcome, made->share_left, budget.left(Work::search)};
   }
 
@@ -270,6 +275,7 @@ class ComponentRemesher {
     result_.report.rung = best_->made.rung;
     result_.report.singularities = best_->singularities;
     result_.report.strain = best_->strain;
+    result_.report.curl = best_->curl;
     result_.field = std::move(best_->field);
     result_.map = std::move(best_->map);
     return finished(std::move(found));
@@ -317,6 +323,7 @@ class ComponentRemesher {
   double area_ = 0, edge_ = 0;  // of the surface, and of a square quad
   std::optional<Piece> stand_in_;
   std::optional<FoundQuads> best_;
+  bool best_unasked_ = false;  // with features that nobody asked for
 };
 
 QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& shared, std::span<const Index> faces,
