@@ -52,7 +52,6 @@ inline constexpr std::int64_t attempts = 240;  ///< of the ladder; each componen
 inline constexpr std::size_t crumbs = 500;
 /// In no more parts than this, a needle has one attempt, in which a tube may get quads; in more it is split at once.
 inline constexpr std::size_t needles = 60;
-inline constexpr std::int64_t crumb_faces = 200'000;  ///< that so many parts are refined to before they are split
 /// The share of one of so many parts.
 [[nodiscard]] constexpr std::int64_t share(std::int64_t all, std::size_t parts) {
   return std::max<std::int64_t>(1, all / static_cast<std::int64_t>(std::max<std::size_t>(parts, 1)));

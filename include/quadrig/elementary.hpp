@@ -36,6 +36,7 @@ template <class Real>
 [[nodiscard]] Real arg(const std::complex<Real>& z) {
   return atan2(z.imag(), z.real());
 }
+[[nodiscard]] inline Complex log(const Complex& z) { return {log(std::abs(z)), atan2(z.imag(), z.real())}; }
 [[nodiscard]] inline Complex polar(double length, double angle) {
   const SinCos at = sincos(angle);
   return {length * at.cos, length * at.sin};

@@ -286,9 +286,6 @@ class ComponentRemesher {
     SplitOptions split_options;
     split_options.quads = std::max<Index>(1, static_cast<Index>(std::lround(quads_)));
     split_options.polish = options_.polish;
-    if (shared_.parts > of_all::crumbs)
-      split_options.refine.max_faces =
-          mesh.face_count() + static_cast<Index>(of_all::share(of_all::crumb_faces, shared_.parts));
     Expected<SplitQuads> made = split_quads(mesh, split_options, context_);
     if (!made) return made.error();
     if (const Index beside = onto_surface(mesh, made->mesh); beside > 0)

@@ -96,13 +96,13 @@ class CurlReducer {
       if (!edges) return;
       const auto moved = [&](Complex from, Complex to) {
         const Complex by = change(from, to);
-        return from * std::polar(std::exp(scales * by.real()), turns * by.imag());
+        return from * elementary::polar(elementary::exp(scales * by.real()), turns * by.imag());
       };
       QuadEdges next{moved(wanted_[f].a, edges->a), moved(wanted_[f].b, edges->b)};
       const double opening = opening_angle(next.a, next.b), least = options_.limits.least_angle_radians;
       if (const double more = std::clamp(opening, least, std::numbers::pi - least) - opening; more != 0) {
-        next.a *= std::polar(1.0, -more / 2);
-        next.b *= std::polar(1.0, more / 2);
+        next.a *= elementary::polar(1.0, -more / 2);
+        next.b *= elementary::polar(1.0, more / 2);
       }
       field_[f] = next;
     });
@@ -111,7 +111,7 @@ class CurlReducer {
   /// Logarithm of the ratio, bounded.
   [[nodiscard]] static Complex change(Complex from, Complex to) {
     constexpr double largest_turn = std::numbers::pi / 4, largest_scale = 1.5;
-    const Complex ratio = std::log(to / from);
+    const Complex ratio = elementary::log(to / from);
     return {std::clamp(ratio.real(), -largest_scale, largest_scale),
             std::clamp(ratio.imag(), -largest_turn, largest_turn)};
   }
@@ -134,8 +134,8 @@ inline void report_changes(const TriangleMesh<double>& mesh, const FrameField& b
   std::vector<double> turned(m), scaled(m);
   for (std::size_t f = 0; f < m; ++f) {
     const Complex u = after.u[f] / before.u[f], v = after.v[f] / before.v[f];
-    turned[f] = (std::abs(std::arg(u)) + std::abs(std::arg(v))) * 90 / std::numbers::pi;
-    scaled[f] = (std::abs(std::log(std::abs(u))) + std::abs(std::log(std::abs(v)))) / 2;
+    turned[f] = (std::abs(elementary::arg(u)) + std::abs(elementary::arg(v))) * 90 / std::numbers::pi;
+    scaled[f] = (std::abs(elementary::log(std::abs(u))) + std::abs(elementary::log(std::abs(v)))) / 2;
     const double share = mesh.area(static_cast<Index>(f)) / mesh.total_area();
     report.turned_mean_degrees += share * turned[f];
     report.scaled_mean += share * scaled[f];
@@ -192,7 +192,7 @@ QUADRIG_INLINE Expected<ReducedField> reduce_curl(const TriangleMesh<double>& me
   std::vector<double> turn(reduced.size());
   for (std::size_t f = 0; f < reduced.size(); ++f) {
     const Complex a = reduced[f].a / std::norm(reduced[f].a), b = reduced[f].b / std::norm(reduced[f].b);
-    turn[f] = (std::arg(reduced[f].a / wanted[f].a) + std::arg(reduced[f].b / wanted[f].b)) / 2;
+    turn[f] = (elementary::arg(reduced[f].a / wanted[f].a) + elementary::arg(reduced[f].b / wanted[f].b)) / 2;
     const std::array<Complex, 4> arms{a, b, -a, -b};
     const auto back = static_cast<std::size_t>((4 - cut.combing[f]) & 3);
     result.frames.u[f] = arms[back];
