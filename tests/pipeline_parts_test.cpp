@@ -208,6 +208,32 @@ TEST_CASE("stand-in: the surface's topology, lines and places on fewer triangles
   CHECK(quadrig::detail::make_stand_in(mesh, kept, 1500, context).error().code == ErrorCode::cancelled);
 }
 
+TEST_CASE("needles: surfaces too thin for a quad, made of slivers, have one attempt", "[parts][fast]") {
+  // Two cones on one ring: of 1 beside the length they are needles, unless quads are as small.
+  const auto remeshed = [](double length, Index quads) {
+    constexpr Index sides = 12;
+    Points<double> positions(sides + 2, 3);
+    Triangles faces(2 * sides, 3);
+    for (Index s = 0; s < sides; ++s) {
+      const double turn = 2 * std::numbers::pi * s / sides;
+      positions.row(s) << std::cos(turn), std::sin(turn), 0;
+      faces.row(2 * s) << s, (s + 1) % sides, sides;
+      faces.row(2 * s + 1) << (s + 1) % sides, s, sides + 1;
+    }
+    positions.row(sides) << 0, 0, length;
+    positions.row(sides + 1) << 0, 0, -0.1;
+    Context context;
+    RemeshOptions options = plain_options(quads);
+    const auto result = remesh(Asset{build(positions, faces), {}}, options, context);
+    REQUIRE(result.has_value());
+    return result->report.components.front();
+  };
+  const ComponentReport needle = remeshed(1e4, 100);
+  CHECK(needle.rung == Rung::split);
+  CHECK(needle.reasons.size() <= 1);
+  CHECK(remeshed(4, 100).rung != Rung::split);
+}
+
 TEST_CASE("features: marks come from the caller and from creases, short ones go, and pieces take theirs",
           "[parts][fast]") {
   const Asset asset{hills(10), std::nullopt};

@@ -54,7 +54,7 @@ struct DirectionOptions {
     const Complex u = frames.u[detail::at(f)], v = frames.v[detail::at(f)];
     // An arm of the cross that the two vectors bisect.
     directions.push_back(
-        {f, connection.to_vector(f, std::polar(1.0, bisector_angle(u, v) - std::numbers::pi / 4)), weight});
+        {f, connection.to_vector(f, elementary::polar(1.0, bisector_angle(u, v) - std::numbers::pi / 4)), weight});
   }
   return directions;
 }

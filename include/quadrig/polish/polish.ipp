@@ -283,7 +283,8 @@ class Polisher {
         Place best = kept;
         for (int k = 0; k < 8; ++k) {
           const double angle = k * 0.78539816339744831;
-          const Place trial = project(v, center + radius * edge * (std::cos(angle) * x + std::sin(angle) * y));
+          const Place trial =
+              project(v, center + radius * edge * (elementary::cos(angle) * x + elementary::sin(angle) * y));
           put(v, trial);
           if (const double j = least(v); j > now + 1e-6) {
             now = j;

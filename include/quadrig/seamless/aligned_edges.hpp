@@ -51,7 +51,7 @@ class EdgeAligner {
     const Complex e = connection_.edge(h);
     const double along_u = std::abs((e * std::conj(d[turn])).real()) / std::abs(d[turn]);
     const double along_v = std::abs((e * std::conj(d[(turn + 1) % 4])).real()) / std::abs(d[(turn + 1) % 4]);
-    deviation = std::acos(std::min(1.0, std::max(along_u, along_v)));
+    deviation = elementary::acos(std::min(1.0, std::max(along_u, along_v)));
     return along_u >= along_v ? Aligned::v_constant : Aligned::u_constant;
   }
 
