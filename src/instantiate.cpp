@@ -2,6 +2,7 @@
 #include "quadrig/asset.hpp"
 #include "quadrig/connection.hpp"
 #include "quadrig/constraints/posed_metric.hpp"
+#include "quadrig/elementary.hpp"
 #include "quadrig/polish.hpp"
 #include "quadrig/prepare.hpp"
 #include "quadrig/quads.hpp"
@@ -9,6 +10,7 @@
 #include "quadrig/weights.hpp"
 
 #include "quadrig/constraints/posed_metric.ipp"
+#include "quadrig/elementary/elementary.ipp"
 #include "quadrig/polish/polish.ipp"
 #include "quadrig/prepare/prepare.ipp"
 #include "quadrig/prepare/refine.ipp"

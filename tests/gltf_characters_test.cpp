@@ -118,6 +118,65 @@ TEST_CASE("gltf characters: counts fall with the request, and no material is los
   }
 }
 
+TEST_CASE("gltf characters: islands smaller than a quad keep one each, where they lie", "[gltf][fast]") {
+  // Two cells with sides of .06 on quads with sides of .15 to .3: they hold the middle of one by chance alone.
+  for (const Index quads : {40, 80, 160}) {
+    GltfRemeshOptions options;
+    options.remesh.quads = quads;
+    options.topology = GltfTopology::field;
+    const Character done = made(tube_file({.sides = 24, .rings = 32, .spots = true}), options);
+    INFO(quads);
+    CHECK(done.surfaces[0].failures.empty());
+    CHECK(done.surfaces[0].shells[0].make == GltfMake::field);
+    const std::vector<GltfVertices> primitives = vertices_with(done.document, "POSITION");
+    REQUIRE(primitives.size() == 3);
+    const GltfVertices& spots = primitives[2];
+    CHECK(spots.triangles.rows() >= 4);
+    CHECK(spots.triangles.rows() <= 8);
+    const double edge = std::sqrt(std::numbers::pi / quads);  // about: the tube's area is 3.5
+    Index near = 0, far = 0;
+    for (Eigen::Index k = 0; k < spots.triangles.size(); ++k) {
+      const auto p = spots.values.row(spots.triangles(k / 3, k % 3));
+      (p[0] > 0 ? near : far) += 1;
+      CHECK(std::abs(p[1] - 0.5) < 2.5 * edge);
+      CHECK(std::abs(p[2]) < 0.25);
+    }
+    CHECK(near >= 6);
+    CHECK(far >= 6);
+  }
+}
+
+TEST_CASE("gltf characters: where own quads keep what is painted in its place, they are taken", "[gltf][fast]") {
+  // The field's few quads are as near to a tube as fewer rows are; its spots are off by half a quad.
+  const Character done = made({.sides = 24, .rings = 32, .spots = true}, 400);
+  const std::vector<GltfVertices> primitives = vertices_with(done.document, "POSITION");
+  REQUIRE(primitives.size() == 3);
+  const GltfVertices& spots = primitives[2];
+  for (Eigen::Index k = 0; k < spots.triangles.size(); ++k) {
+    const auto p = spots.values.row(spots.triangles(k / 3, k % 3));
+    CHECK(std::abs(p[1] - 0.53) < 0.1);
+    CHECK(std::abs(p[2]) < 0.2);
+  }
+}
+
+TEST_CASE("gltf characters: quads on the border of a material are fitted as others are", "[gltf][fast]") {
+  // Flat quads are nearest to a tube with their corners outside it; the border runs round at y = 1.
+  GltfRemeshOptions options;
+  options.remesh.quads = 300;
+  options.topology = GltfTopology::field;
+  const Character done = made(tube_file({.sides = 48, .rings = 32}), options);
+  CHECK(done.surfaces[0].snapped_edges > 10);
+  const Points<double>& places = done.surfaces[0].result.mesh.positions;
+  Index border = 0, outside = 0;
+  for (Index v = 0; v < places.rows(); ++v) {
+    if (std::abs(places(v, 1) - 1) > 0.01) continue;
+    ++border;
+    outside += std::hypot(places(v, 0), places(v, 2)) > 0.25;
+  }
+  CHECK(border >= 6);
+  CHECK(2 * outside > border);
+}
+
 TEST_CASE("gltf characters: coarse or fine, no morph target parts doubled vertices", "[gltf][fast]") {
   for (const Index quads : {60, 150, 192, 600}) {
     const Character done = made({.sides = 16, .rings = 12}, quads);
@@ -285,4 +344,18 @@ TEST_CASE("gltf characters: brows and lashes stay over a coarse face, in each mo
       CHECK(brows >= 8);
       CHECK(covered == 0);
     }
+}
+
+TEST_CASE("gltf characters: eyes and mouth of the head have their rings from 1500 quads on", "[gltf][rims][slow]") {
+  Context context;
+  const std::string file = make_sample_glb("head", 8000, context).value();
+  GltfRemeshOptions options;
+  for (const Index quads : {1500, 3000}) {
+    options.remesh.quads = quads;
+    const Character done = made(file, options);
+    const std::vector<RimReport>& rims = done.surfaces.front().result.report.rims;
+    CAPTURE(quads);
+    CHECK(rims.size() == 3);
+    for (const RimReport& rim : rims) CHECK(rim.loops >= 3);
+  }
 }

@@ -44,6 +44,25 @@ TEST_CASE("command: what strays or misses the count is told, and is exit code 9"
   INFO(loose.error);
   CHECK(loose.exit_code == 0);
   CHECK(!has(loose.error, "strays"));
+  const std::string exact = "remesh in.glb --quads 300 -o out.glb --max-error 0 --count-tolerance 0.00001";
+  CHECK(run_quadrig(folder, exact).exit_code == 0);
+  CHECK(run_quadrig(folder, exact + " --strict-count").exit_code == 9);
+}
+
+TEST_CASE("command: quads that bend where coarse triangles stay straight do not stray", "[cli][gltf][fast]") {
+  const ScratchFolder folder("gltf-bends");
+  write_text(folder / "in.glb", tube_file({.sides = 16, .rings = 4}));
+  const CommandResult fine = run_quadrig(folder, "remesh in.glb --quads 6000 -o out.glb --report r.json");
+  INFO(fine.error);
+  CHECK(fine.exit_code == 0);
+  const std::string report = read_text(folder / "r.json");
+  const std::size_t shells = report.find("\"shells\"");
+  const auto number = [&](const std::string& key) {
+    return std::stod(report.substr(report.find("\"" + key + "\": ", shells) + key.size() + 4));
+  };
+  const double edge = number("edge"), bent = number("largest"), unbent = number("largest_unbent");
+  CHECK(bent > 2 * edge);
+  CHECK(unbent < edge);
 }
 
 TEST_CASE("command: several counts make one file each, all or none", "[cli][gltf][fast]") {

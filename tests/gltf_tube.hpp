@@ -27,6 +27,7 @@ struct Tube {
   bool normals = false;        ///< smooth along the sides, parted at the caps
   bool upward = false;         ///< all its normals are y
   bool dense_top = false;      ///< the attribute _DENSITY is 9 above the middle, else 1
+  bool spots = false;          ///< two cells of the wall, on opposite sides, are a primitive of their own
   bool coloured = false;       ///< the morph target changes texture coordinates, by height
 };
 
@@ -75,7 +76,7 @@ void put(std::string& bytes, T value) {
     float x, y, z, u, v;
   };
   std::vector<Vertex> vertices;
-  std::vector<std::uint16_t> lower, upper;
+  std::vector<std::uint16_t> lower, upper, spots;
   const int n = tube.sides, m = tube.rings;
   for (int r = 0; r <= m; ++r)
     for (int s = 0; s <= n; ++s) {
@@ -90,7 +91,8 @@ void put(std::string& bytes, T value) {
   for (int r = 0; r < m; ++r)
     for (int s = 0; s < n; ++s) {
       const int a = r * (n + 1) + s, b = a + 1, c = b + n + 1, d = a + n + 1;
-      auto& to = tube.two_materials && 2 * r >= m ? upper : lower;
+      const bool spot = tube.spots && r == m / 4 && s % (n / 2) == 1;
+      auto& to = spot ? spots : tube.two_materials && 2 * r >= m ? upper : lower;
       triangle(to, a, c, b);
       triangle(to, a, d, c);
     }
@@ -164,7 +166,7 @@ void put(std::string& bytes, T value) {
   const int at_wrong = tube.tangents ? add(wrong, count, "VEC4", 5126) : 0;
   const int at_shifts = tube.coloured ? add(shifts, count, "VEC2", 5126) : 0;
   std::string both[2];
-  for (const auto* list : {&lower, &upper}) {
+  for (const auto* list : {&lower, &upper, &spots}) {
     if (list->empty()) continue;
     std::string& primitives = both[tube.parted && list == &upper ? 1 : 0];
     std::string bytes;

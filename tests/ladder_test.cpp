@@ -163,6 +163,18 @@ TEST_CASE("budget: what is lent and given back is neither lost nor doubled", "[l
   }
 }
 
+TEST_CASE("budget: many parts share the bases of a few", "[ladder][fast]") {
+  for (const WorkLimit& limit : work_limits) {
+    CHECK(limit.counts(100, 200, 8) == limit.counts(100, 200));
+    // What grows with the triangles is each one's own.
+    const std::int64_t own = limit.counts(100, 200) - limit.base;
+    for (const std::size_t parts : {9U, 100U, 10'000U})
+      CHECK((limit.counts(100, 200, parts) - own) * static_cast<std::int64_t>(parts) <= 8 * limit.base);
+  }
+  CHECK(of_all::share(of_all::attempts, 1) == of_all::attempts);
+  CHECK(of_all::share(of_all::attempts, 1'000'000) == 1);
+}
+
 TEST_CASE("budget: the table of docs/map.md has every limit", "[ladder][fast]") {
   std::ifstream file(std::filesystem::path(QUADRIG_SOURCE_DIR) / "docs" / "map.md");
   std::stringstream text;

@@ -189,10 +189,49 @@ TEST_CASE("stand-in: the surface's topology, lines and places on fewer triangles
     if (open && made.kept[at(h)]) CHECK(std::abs(p.y() - 0.5) < 1e-9);  // along the line, not off it
     if (made.mesh.twin(h) == no_index) CHECK(std::min({p.x(), p.y(), 1 - p.x(), 1 - p.y()}) < 1e-9);
   }
+  if (open) {
+    // Marks of its border are those of the surface's.
+    const auto low = [](const TriangleMesh<double>& of) {
+      EdgeMarks marks(at(of.halfedge_count()), 0);
+      for (Index h = 0; h < of.halfedge_count(); ++h)
+        marks[at(h)] =
+            of.twin(h) == no_index && of.position(of.origin(h)).y() < 1e-9 && of.position(of.target(h)).y() < 1e-9;
+      return marks;
+    };
+    const EdgeMarks marks = low(made.mesh);
+    CHECK(marked_length(made.mesh, marks) == Approx(marked_length(mesh, low(mesh))).epsilon(0.02));
+    CHECK(quadrig::detail::border_marks_of(made.mesh, made.source, mesh, low(mesh)) == marks);
+  }
   // A million triangles are refused nowhere, but a cancelled call ends.
   std::atomic<bool> stop{true};
   context.cancel_flag = &stop;
   CHECK(quadrig::detail::make_stand_in(mesh, kept, 1500, context).error().code == ErrorCode::cancelled);
+}
+
+TEST_CASE("needles: surfaces too thin for a quad, made of slivers, have one attempt", "[parts][fast]") {
+  // Two cones on one ring: of 1 beside the length they are needles, unless quads are as small.
+  const auto remeshed = [](double length, Index quads) {
+    constexpr Index sides = 12;
+    Points<double> positions(sides + 2, 3);
+    Triangles faces(2 * sides, 3);
+    for (Index s = 0; s < sides; ++s) {
+      const double turn = 2 * std::numbers::pi * s / sides;
+      positions.row(s) << std::cos(turn), std::sin(turn), 0;
+      faces.row(2 * s) << s, (s + 1) % sides, sides;
+      faces.row(2 * s + 1) << (s + 1) % sides, s, sides + 1;
+    }
+    positions.row(sides) << 0, 0, length;
+    positions.row(sides + 1) << 0, 0, -0.1;
+    Context context;
+    RemeshOptions options = plain_options(quads);
+    const auto result = remesh(Asset{build(positions, faces), {}}, options, context);
+    REQUIRE(result.has_value());
+    return result->report.components.front();
+  };
+  const ComponentReport needle = remeshed(1e4, 100);
+  CHECK(needle.rung == Rung::split);
+  CHECK(needle.reasons.size() <= 1);
+  CHECK(remeshed(4, 100).rung != Rung::split);
 }
 
 TEST_CASE("features: marks come from the caller and from creases, short ones go, and pieces take theirs",

@@ -132,6 +132,36 @@ TEST_CASE("polish: a quad that is folded over is poor, however even it is", "[po
   CHECK(polish_in_place(r, options, context).least_after < 0.1);
 }
 
+TEST_CASE("polish: a quad at a sharp corner of the border is as good as the corner allows", "[polish][fast]") {
+  // A kite of 2.3° at its tip and 11.4° at its tail.
+  Points<double> corners(4, 3);
+  corners << 0, 0, 0, 1, -0.02, 0, 1.2, 0, 0, 1, 0.02, 0;
+  Triangles faces(2, 3);
+  faces << 0, 1, 3, 1, 2, 3;
+  Rough r{TriangleMesh<double>::create(corners, faces).value(), {}};
+  r.quads.positions = corners;
+  r.quads.quads.resize(1, 4);
+  r.quads.quads << 0, 1, 2, 3;
+  for (Index v = 0; v < 4; ++v) {
+    const Index h = r.mesh.outgoing(v);
+    r.quads.source.push_back({h / 3, Vector3::Unit(h % 3)});
+  }
+  REQUIRE(least(r.quads) < 0.05);
+  Context context;
+  const PolishReport report = polish_in_place(r, PolishOptions{}, context);
+  CHECK(report.least_before > 0.9);
+  CHECK(report.rounds < PolishOptions{}.rounds);
+  // Within the surface nothing is allowed for.
+  const Grid grid{2, 2};
+  r.mesh = build(grid.positions([&](Index i, Index j) { return Vector3(i - 1, 0.02 * (j - 1), 0); }), grid.triangles());
+  r.quads.positions *= 0.5;
+  for (Index v = 0; v < 4; ++v) {
+    const SurfaceHit hit = ClosestPoint(r.mesh).closest(r.quads.positions.row(v).transpose());
+    r.quads.source[at(v)] = {hit.face, hit.barycentric};
+  }
+  CHECK(polish_in_place(r, PolishOptions{.rounds = 0}, context).least_before < 0.05);
+}
+
 TEST_CASE("polish: no rounds move nothing, and a cancelled call stops", "[polish]") {
   Rough r = rough(false, 0.8, 2);
   const Points<double> before = r.quads.positions;

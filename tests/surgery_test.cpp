@@ -208,6 +208,48 @@ TEST_CASE("aligned edges: the border is, and kept edges that the field follows",
     if (both[at(h)] && !kept[at(h)]) CHECK(diagonals[at(h)] == Aligned::none);
 }
 
+TEST_CASE("aligned edges: where one quad would have three corners in a line, one of the edges is let go",
+          "[seamless][fast]") {
+  // A fan, and a straight line of two spokes through its middle; on one side the field turns by `turn` less than it.
+  const Index n = 24;
+  Points<double> places(n + 1, 3);
+  Triangles faces(n, 3);
+  places.row(n).setZero();
+  for (Index k = 0; k < n; ++k) {
+    const double angle = 2 * std::numbers::pi * k / n;
+    places.row(k) << std::cos(angle), std::sin(angle), 0;
+    faces.row(k) << n, k, (k + 1) % n;
+  }
+  const TriangleMesh<double> mesh = build(places, faces);
+  const Connection<double> connection(mesh);
+  EdgeMarks kept(at(mesh.halfedge_count()), 0);
+  for (Index h = 0; h < mesh.halfedge_count(); ++h)
+    for (const Index end : {0, n / 2})
+      if ((mesh.origin(h) == n && mesh.target(h) == end) || (mesh.target(h) == n && mesh.origin(h) == end))
+        kept[at(h)] = 1;
+  const auto aligned_spokes = [&](double turn) {
+    FrameField frames;
+    for (Index f = 0; f < n; ++f) {
+      const double below = std::clamp((f + 0.5 - n / 2 - 1) / (n / 2 - 2), 0.0, 1.0), angle = turn * below;
+      frames.u.push_back(connection.to_complex(f, Vector3(std::cos(angle), std::sin(angle), 0)));
+      frames.v.push_back(frames.u.back() * Complex(0, 1));
+    }
+    const Matching matching = match(mesh, connection, frames);
+    const Singularities index = singularities(mesh, matching).value();
+    CHECK(index.index4[at(n)] == static_cast<Index>(std::lround(turn / (std::numbers::pi / 2))));
+    std::vector<std::int8_t> rotation(at(mesh.halfedge_count()));
+    for (std::size_t h = 0; h < rotation.size(); ++h) rotation[h] = static_cast<std::int8_t>(matching.r[h] & 3);
+    const CutGraph cut = make_cut_graph(mesh, rotation, index.index4);
+    const std::vector<Aligned> edges = aligned_edges(mesh, connection, cut, matching, frames, kept);
+    int spokes = 0;
+    for (Index h = 0; h < mesh.halfedge_count(); ++h) spokes += kept[at(h)] && edges[at(h)] != Aligned::none;
+    return spokes / 2;
+  };
+  CHECK(aligned_spokes(0) == 2);                      // two quads on each side
+  CHECK(aligned_spokes(std::numbers::pi / 2) == 1);   // one below
+  CHECK(aligned_spokes(-std::numbers::pi / 2) == 2);  // three
+}
+
 TEST_CASE("seamless map: valid, at the count that is asked for, and a defect is an error with its place",
           "[seamless]") {
   const int which = GENERATE(0, 1, 2, 3, 4);

@@ -29,8 +29,12 @@ struct WorkLimit {
   std::int64_t per_proxy_face;  ///< and so many for each triangle of its stand-in
   std::string_view scope;       ///< what shares it
 
-  [[nodiscard]] constexpr std::int64_t counts(std::int64_t faces, std::int64_t proxy_faces) const {
-    return base + per_face * faces + per_proxy_face * proxy_faces;
+  /// \param parts components that share the base of a few
+  [[nodiscard]] constexpr std::int64_t counts(std::int64_t faces, std::int64_t proxy_faces,
+                                              std::size_t parts = 1) const {
+    constexpr std::int64_t bases = 8;
+    const auto sharing = static_cast<std::int64_t>(std::max<std::size_t>(parts, 1));
+    return std::min(base, bases * base / sharing) + per_face * faces + per_proxy_face * proxy_faces;
   }
 };
 /// Several times what any surface needed whose first field can be mapped.
@@ -40,6 +44,19 @@ inline constexpr std::array<WorkLimit, 4> work_limits{{
     {Work::search, "integers", "nodes searched", 1, 16'000'000, 0, 0, "a component"},
     {Work::strips, "wider strips", "quads extracted", 4, 1'000'000, 0, 0, "a map"},
 }};
+/// What all components share, so that many of them take no more than a few. Nothing below is felt by a dozen parts.
+namespace of_all {
+inline constexpr std::int64_t attempts = 240;  ///< of the ladder; each component has one at least
+/// In more parts than this, those of the least quads are split from triangles at once: a map of each would take longer
+/// than that of a surface as large as all of them.
+inline constexpr std::size_t crumbs = 500;
+/// In no more parts than this, a needle has one attempt, in which a tube may get quads; in more it is split at once.
+inline constexpr std::size_t needles = 60;
+/// The share of one of so many parts.
+[[nodiscard]] constexpr std::int64_t share(std::int64_t all, std::size_t parts) {
+  return std::max<std::int64_t>(1, all / static_cast<std::int64_t>(std::max<std::size_t>(parts, 1)));
+}
+}  // namespace of_all
 [[nodiscard]] constexpr const WorkLimit& work_limit(Work work) { return work_limits[static_cast<std::size_t>(work)]; }
 
 /// What is left of each kind of work. Handed down like the Context: stages take off what they spend, also where they
@@ -47,8 +64,10 @@ inline constexpr std::array<WorkLimit, 4> work_limits{{
 class Budget {
  public:
   /// Of a component. \param faces its triangles \param proxy_faces those of the stand-in that would be made of it
-  explicit constexpr Budget(std::int64_t faces = 0, std::int64_t proxy_faces = 0) {
-    for (const WorkLimit& limit : work_limits) units(limit.work) = limit.price * limit.counts(faces, proxy_faces);
+  /// \param parts components of the asset
+  explicit constexpr Budget(std::int64_t faces = 0, std::int64_t proxy_faces = 0, std::size_t parts = 1) {
+    for (const WorkLimit& limit : work_limits)
+      units(limit.work) = limit.price * limit.counts(faces, proxy_faces, parts);
   }
 
   /// In the counts of that kind; at or below zero nothing is left.

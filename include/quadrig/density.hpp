@@ -94,7 +94,7 @@ inline constexpr double least_density_factor = 1.0 / 64, largest_density_factor 
 [[nodiscard]] inline double density_of_color(const Vector3& color) {
   constexpr double most = 4;
   const double warmth = color[0] - (color[1] + color[2]) / 2;
-  return std::pow(most, std::clamp(warmth, -1.0, 1.0));
+  return elementary::pow(most, std::clamp(warmth, -1.0, 1.0));
 }
 
 /// The factors of vertices from those of the bones that move them: the mean of their logarithms by weight.
@@ -102,8 +102,8 @@ inline constexpr double least_density_factor = 1.0 / 64, largest_density_factor 
   std::vector<double> result(detail::at(static_cast<Index>(weights.rows())), 0.0);
   for (std::size_t v = 0; v < result.size(); ++v) {
     for (SkinWeights::InnerIterator it(weights, static_cast<Index>(v)); it; ++it)
-      result[v] += it.value() * std::log(of_bone[detail::at(static_cast<Index>(it.col()))]);
-    result[v] = std::exp(result[v]);
+      result[v] += it.value() * elementary::log(of_bone[detail::at(static_cast<Index>(it.col()))]);
+    result[v] = elementary::exp(result[v]);
   }
   return result;
 }

@@ -91,6 +91,7 @@ struct GltfShell {
   Index quads = 0, triangles = 0;         ///< triangles: those in no quad
   double edge = 0;                        ///< of its new quads, about: the square root of two triangles' area
   double rms = 0, mean = 0, largest = 0;  ///< two-sided distance, at rest and posed
+  double largest_unbent = 0;              ///< at rest and with morph targets
 };
 
 /// Both ways, in units of the mesh; the largest at vertices and samples.

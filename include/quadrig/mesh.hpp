@@ -10,6 +10,7 @@
 #include <Eigen/Geometry>
 
 #include "quadrig/context.hpp"
+#include "quadrig/elementary.hpp"
 
 namespace quadrig {
 
@@ -110,7 +111,7 @@ class TriangleMesh {
   /// Angle at a corner, radians.
   [[nodiscard]] Scalar corner_angle(Index corner) const {
     const Vector a = edge_vector(corner), b = -edge_vector(prev(corner));
-    return std::atan2(a.cross(b).norm(), a.dot(b));
+    return elementary::atan2(a.cross(b).norm(), a.dot(b));
   }
   /// Of the box around all vertices.
   [[nodiscard]] Scalar diagonal() const { return diagonal_; }
@@ -150,7 +151,8 @@ class TriangleMesh {
 template <class Scalar>
 [[nodiscard]] double half_cotangent(const TriangleMesh<Scalar>& mesh, Index halfedge) {
   const double angle = static_cast<double>(mesh.corner_angle(mesh.prev(halfedge)));
-  return std::clamp(0.5 / std::tan(angle), 1e-3, 1e3);
+  const elementary::SinCos at = elementary::sincos(angle);
+  return std::clamp(0.5 * at.cos / at.sin, 1e-3, 1e3);
 }
 
 /// A point of a surface: a face and its barycentric coordinates (≥ 0, sum 1).

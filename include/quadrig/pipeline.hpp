@@ -54,7 +54,7 @@ struct DirectionOptions {
     const Complex u = frames.u[detail::at(f)], v = frames.v[detail::at(f)];
     // An arm of the cross that the two vectors bisect.
     directions.push_back(
-        {f, connection.to_vector(f, std::polar(1.0, bisector_angle(u, v) - std::numbers::pi / 4)), weight});
+        {f, connection.to_vector(f, elementary::polar(1.0, bisector_angle(u, v) - std::numbers::pi / 4)), weight});
   }
   return directions;
 }
@@ -139,6 +139,8 @@ struct RemeshOptions {
   std::optional<SymmetryChoice> symmetry;
   /// The plane, where the caller knows it: none is looked for.
   std::optional<MirrorPlane> mirror_plane;
+  /// Rounds of `reduce_curl` on directions and sizes before a map is made of them; 0: none (docs/curl.md).
+  Index curl_rounds = 0;
   LoopOptions loops;  ///< of the standard preset, where there is a rig
   RimOptions rims;    ///< not of the thesis preset
   PolishOptions polish;
@@ -174,6 +176,7 @@ struct ComponentReport {
   Index singularities = 0;
   Rung rung = Rung::fine_map;
   MapStrain strain;          ///< of the map; zeros where it was split
+  CurlReport curl;           ///< of the field that the map was made of; no rounds: as it was
   double kept_length = 0;    ///< of creases and features, units of the mesh
   double kept_as_quads = 0;  ///< of these, how much edges of quads run along
   double edge = 0;           ///< of a square quad, were all as large: the root of area over quads

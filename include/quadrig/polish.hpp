@@ -18,7 +18,8 @@ struct PolishOptions {
 };
 
 struct PolishReport {
-  double least_before = 0, least_after = 0;  ///< scaled Jacobian
+  /// Scaled Jacobian; at corners of the border sharper than 90° over the sine of their angle, which no quad exceeds.
+  double least_before = 0, least_after = 0;
   double average_before = 0, average_after = 0;
   int rounds = 0;
 };

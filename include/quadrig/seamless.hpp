@@ -6,6 +6,7 @@
 //   aligned_edges  where the map has to be straight: along the border and along edges that are kept
 //   unknowns       transitions, cones and straight borders eliminated over Z[i] or Z; what remains is free
 //   target         wanted parameter vectors from a frame field, made more nearly integrable by correcting lengths
+//   reduce_curl    directions and sizes of a field moved towards those of a map
 //   poisson        the map nearest to the target, stiffened until no triangle flips and every cone is right
 //   untangle       the last flips taken out where they are
 #pragma once
@@ -15,6 +16,7 @@
 #include "quadrig/seamless/cut_graph.hpp"
 #include "quadrig/seamless/from_uv.hpp"
 #include "quadrig/seamless/poisson.hpp"
+#include "quadrig/seamless/reduce_curl.hpp"
 #include "quadrig/seamless/seamless_map.hpp"
 #include "quadrig/seamless/target.hpp"
 #include "quadrig/seamless/unknowns.hpp"

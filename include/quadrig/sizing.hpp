@@ -127,17 +127,18 @@ struct TubeCheck {
     const double density = mean * sizes.density[static_cast<std::size_t>(parent[at])];
     double aspect = 1;          // |long along u| : E(ρ) = (S_u ρ² + S_v / ρ²) / 64 + const
     if (!squares && floor > 0)  // a flat surface has no best side ratio
-      aspect = std::clamp(std::pow((strength[at][1] + floor) / (strength[at][0] + floor), 0.25),
+      aspect = std::clamp(std::sqrt(std::sqrt((strength[at][1] + floor) / (strength[at][0] + floor))),
                           1 / sizes.largest_aspect, sizes.largest_aspect);
     if (thin_tube)
       if (const TubeCheck tube(strength[at][0], strength[at][1], 1 / std::sqrt(density)); tube.coarse) {
         // Four quads around, as long as their number allows.
-        const double stretch = std::min(std::pow(tube.across / TubeCheck::quarter, 2) / density, most_stretch);
+        const double across = tube.across / TubeCheck::quarter;
+        const double stretch = std::min(across * across / density, most_stretch);
         aspect = tube.around_v ? std::max(aspect, stretch) : std::min(aspect, 1 / stretch);
       }
     wanted.length[at] = 1 / std::sqrt(std::max(density, mean));  // narrow bands keep their sizes
-    wanted.log_u[at] = 0.5 * std::log(density / aspect);
-    wanted.log_v[at] = 0.5 * std::log(density * aspect);
+    wanted.log_u[at] = 0.5 * elementary::log(density / aspect);
+    wanted.log_v[at] = 0.5 * elementary::log(density * aspect);
   }
   const double edge = 1 / std::sqrt(mean);
   Expected<DensityTargets> smooth = smooth_log_densities(mesh, matching, wanted, edge, context, factory);

@@ -100,7 +100,7 @@ inline std::array<Vector3, 2> bend_axes(const Bone& bone) {
 
 /// The turn about the head of the bone.
 inline Eigen::Affine3d bend_transform(const Bone& bone, const Vector3& axis, double radians) {
-  const Eigen::Matrix3d turn = Eigen::AngleAxisd(radians, axis.normalized()).toRotationMatrix();
+  const Eigen::Matrix3d turn = elementary::rotation(radians, axis.normalized());
   Eigen::Affine3d transform;
   transform.linear() = turn;
   transform.translation() = bone.head - turn * bone.head;

@@ -57,6 +57,7 @@ Expected<RemeshOptions> remesh_options(const quadrig_options& options) {
     return Error{ErrorCode::bad_option, "has a bit that there is none of", "options.keep", "add up quadrig_keep_…"};
   result.loops.least = static_cast<Index>(std::min(options.loops, most));
   result.rims.rings = static_cast<Index>(std::min<std::size_t>(options.rings, most));
+  result.curl_rounds = static_cast<Index>(std::min<std::size_t>(options.curl_rounds, most));
   if (options.joint_loop_count > 0 && (!options.loop_joints || !options.joint_loops))
     return Error{ErrorCode::bad_option, "is null", "options.loop_joints, options.joint_loops", "give the arrays"};
   for (std::uint32_t k = 0; k < options.joint_loop_count; ++k) {

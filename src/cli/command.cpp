@@ -70,12 +70,19 @@ void Session::say(const std::string& text) const {
   print(text + "\n");
 }
 
-void Session::print(const std::string& bytes) const { std::fwrite(bytes.data(), 1, bytes.size(), stdout); }
+// Nobody reads on: no fault of the work that is done, and none that the next call is to find.
+void Session::print(const std::string& bytes) const {
+  errno = 0;
+  if (std::fwrite(bytes.data(), 1, bytes.size(), stdout) < bytes.size() && errno == EPIPE) std::clearerr(stdout);
+}
 
 Status Session::printed() const {
   errno = 0;
   if (std::fflush(stdout) == 0 && std::ferror(stdout) == 0) return {};
-  if (errno == EPIPE) return {};
+  if (errno == EPIPE) {
+    std::clearerr(stdout);
+    return {};
+  }
   return Error{ErrorCode::bad_file,
                std::string("cannot be written") + (errno ? ": " : "") + (errno ? std::strerror(errno) : ""),
                "standard output", "check where it goes"};

@@ -10,6 +10,7 @@
 #include "io/json.hpp"
 #include "quadrig/gltf/surface.hpp"
 #include "quadrig/io.hpp"
+#include "quadrig/seamless/strain.hpp"
 
 namespace quadrig::cli {
 
@@ -94,6 +95,7 @@ void add_selection(CLI::App& verb, GltfSelection& selection,
 /// What is written at the place of the report where the run ends by an error.
 [[nodiscard]] std::string failure_text(const Error& error, int exit_code, const Session& session);
 [[nodiscard]] Json warnings_json(std::span<const Warning> warnings);
+[[nodiscard]] Json curl_json(const CurlReport& curl);
 
 /// Declares the files of the input and those outputs that have a name. \fails as FileSet::writes
 [[nodiscard]] Status declare(FileSet& files, const Input& input, std::initializer_list<std::filesystem::path> outputs);

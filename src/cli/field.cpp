@@ -4,6 +4,7 @@
 #include <map>
 
 #include "command.hpp"
+#include "quadrig/seamless/reduce_curl.hpp"
 
 namespace quadrig::cli {
 namespace {
@@ -12,6 +13,7 @@ struct FieldCommand {
   Input input;
   std::string preset = "default", solver{default_solver_name};
   double crease_degrees = 0;
+  Index curl_rounds = 0;
   std::filesystem::path output, report;
 };
 
@@ -91,13 +93,21 @@ Status field(const FieldCommand& options, Session& session) {
   field_options.solver = options.solver;
   if (options.crease_degrees > 0) field_options.crease_angle_radians = options.crease_degrees * std::numbers::pi / 180;
   session.context.progress("field", 0.2);
-  const Expected<FieldResult> result = design_field(loaded->asset, connection, field_options, session.context);
+  Expected<FieldResult> result = design_field(loaded->asset, connection, field_options, session.context);
   if (!result) return result.error();
   const FieldReport& r = result->report;
+  CurlOptions curl;
+  curl.rounds = options.curl_rounds;
+  curl.solver = options.solver;
+  Expected<ReducedField> reduced =
+      reduce_curl(mesh, connection, result->frames, result->matching, result->singularities, curl, session.context);
+  if (!reduced) return reduced.error();
+  result->frames = std::move(reduced->frames);
 
   Json report = report_head("field", options.input, *loaded);
   report["options"] = {{"preset", options.preset},
                        {"crease_degrees", options.crease_degrees > 0 ? Json(options.crease_degrees) : Json(nullptr)},
+                       {"curl", options.curl_rounds},
                        {"solver", options.solver}};
   report["preset_in_force"] = field_preset_name(r.preset);
   report["vertices"] = r.vertices;
@@ -122,6 +132,7 @@ Status field(const FieldCommand& options, Session& session) {
   report["euler_characteristic"] = r.euler_characteristic;
   report["free_components"] = r.free_components;
   report["bounded_frames"] = r.bounded_frames;
+  report["curl"] = curl_json(reduced->report.in_units_of(std::sqrt(mesh.total_area())));
   report["residual"] = r.solve.residual;
   report["seconds"] = {{"assembly", r.solve.assembly_seconds},
                        {"analysis", r.solve.analysis_seconds},
@@ -151,6 +162,11 @@ Status field(const FieldCommand& options, Session& session) {
                      std::to_string(r.singularities_minus) + " above)";
   if (r.faces_omega1_above_0_9 > 0)
     line += ", " + decimals(r.mean_angle_to_bone_deg, 2) + " degrees to the bone where one rules";
+  if (options.curl_rounds > 0) {
+    const CurlReport& c = reduced->report;
+    line += ", curl to " + decimals(c.mean_before > 0 ? 100 * c.mean_after / c.mean_before : 100, 0) +
+            " % by turning " + decimals(c.turned_mean_degrees, 1) + " degrees on average";
+  }
   session.say(line + ", " + decimals(r.seconds, 2) + " s");
   return {};
 }
@@ -170,6 +186,11 @@ void add_field(CLI::App& app, Run& run) {
   verb->add_option("--creases", options->crease_degrees, "Follow edges that bend more than this, degrees")
       ->check(CLI::Range(0.0, 180.0))
       ->type_name("ANGLE");
+  verb->add_option("--curl", options->curl_rounds,
+                   "Rounds of moving directions and lengths towards those of a map; 5 are enough")
+      ->check(CLI::Range(0, 1000))
+      ->capture_default_str()
+      ->type_name("ROUNDS");
   verb->add_option("--solver", options->solver, "Linear solver")->capture_default_str()->type_name("NAME");
   verb->add_option("-o,--output", options->output,
                    "Write the field: .obj, lines to look at, or .rawfield, the vectors as Directional reads them")
@@ -178,7 +199,8 @@ void add_field(CLI::App& app, Run& run) {
   verb->footer(R"(Examples:
   quadrig field arm.obj --rig arm.tgf --weights arm.dmat -o crosses.obj
   quadrig field arm.obj --rig arm.tgf --weights arm.dmat --preset thesis --report field.json
-  quadrig field fandisk.off --creases 40 -o field.rawfield)");
+  quadrig field fandisk.off --creases 40 -o field.rawfield
+  quadrig field bunny.off --curl 5 -o integrable.rawfield --report field.json)");
   verb->fallthrough();
   verb->callback([options, &run] { run = [options](Session& session) { return field(*options, session); }; });
 }

@@ -123,6 +123,7 @@ Json options_json(const RemeshCommand& o) {
   json["bone_density"] = factors_json(o.bone_density);
   json["material_density"] = factors_json(o.material_density);
   json["density_colors"] = o.density_colors;
+  json["curl"] = o.remesh.curl_rounds;
   json["loops"] = o.remesh.loops.least;
   json["joint_loops"] = Json::object();
   for (const LoopOptions::OfJoint& one : o.remesh.loops.of_joints) json["joint_loops"][one.name] = one.loops;
@@ -298,6 +299,7 @@ Status remesh_files(RemeshCommand options, Session& session) {
     job.options.keep_textures = options.keeps("textures");
     job.options_json = options_json(options);
     job.force = options.force;
+    job.strict_count = options.strict_count;
     return remesh_gltf_file(job, session);
   }
 
@@ -394,6 +396,18 @@ std::string symmetry_words(const SymmetryReport& s) {
   return words + ")";
 }
 
+Json curl_json(const CurlReport& curl) {
+  return {{"rounds", curl.rounds},
+          {"mean_before", curl.mean_before},
+          {"mean_after", curl.mean_after},
+          {"largest_before", curl.largest_before},
+          {"largest_after", curl.largest_after},
+          {"turned_mean_degrees", curl.turned_mean_degrees},
+          {"turned_p95_degrees", curl.turned_p95_degrees},
+          {"scaled_mean", curl.scaled_mean},
+          {"scaled_p95", curl.scaled_p95}};
+}
+
 void add_remesh_figures(Json& report, const RemeshReport& r, double read_seconds, std::span<const Warning> warnings) {
   report["quads"] = r.quads;
   report["vertices"] = r.vertices;
@@ -415,6 +429,7 @@ void add_remesh_figures(Json& report, const RemeshReport& r, double read_seconds
                                       {"turned_p95_degrees", c.strain.turned_p95_degrees},
                                       {"scaled_mean", c.strain.scaled_mean},
                                       {"scaled_p95", c.strain.scaled_p95}}},
+                                    {"curl", curl_json(c.curl)},
                                     {"kept_length", c.kept_length},
                                     {"kept_as_quads", c.kept_as_quads},
                                     {"edge", c.edge},
@@ -580,6 +595,13 @@ void add_remesh(CLI::App& app, Run& run) {
   };
   pull("--bones", remesh.directions.bones, "Pull of the bones on the directions");
   pull("--curvature", remesh.directions.curvature, "Pull of the curvature at rest");
+  verb->add_option("--curl", remesh.curl_rounds,
+                   "Rounds of moving directions and sizes towards those of a map, so that the map turns them less; 5 "
+                   "are enough")
+      ->check(CLI::Range(0, 1000))
+      ->capture_default_str()
+      ->type_name("ROUNDS")
+      ->group(edges);
   verb->add_option("--posed", remesh.directions.posed, "Pull of the curvature over the poses")
       ->check(CLI::NonNegativeNumber)
       ->type_name("WEIGHT")

@@ -85,7 +85,8 @@ Json surfaces_json(std::span<const GltfRemeshed> all) {
                         {"edge", shell.edge},
                         {"rms", shell.rms},
                         {"mean", shell.mean},
-                        {"largest", shell.largest}});
+                        {"largest", shell.largest},
+                        {"largest_unbent", shell.largest_unbent}});
     Json primitives = Json::array();
     for (const GltfPrimitive& primitive : one.primitives) {
       Json targets = Json::array();
@@ -192,7 +193,8 @@ Status add_level(const GltfJob& job, const GltfDocument& input, double read_seco
   for (const GltfRemeshed& one : *all) {
     left += one.triangles;
     for (const GltfShell& shell : one.shells)
-      if (shell.edge > 0 && (!farthest || shell.largest * farthest->edge > farthest->largest * shell.edge))
+      if (shell.edge > 0 &&
+          (!farthest || shell.largest_unbent * farthest->edge > farthest->largest_unbent * shell.edge))
         farthest = &shell;
     strayed += one.strayed;
     failed += one.failures.size();
@@ -204,15 +206,15 @@ Status add_level(const GltfJob& job, const GltfDocument& input, double read_seco
            " irregular vertices, scaled Jacobian " + decimals(sum.scaled_jacobian_average, 3) + " on average and " +
            decimals(sum.scaled_jacobian_minimum, 3) + " at least, " + decimals(read_seconds + watch.seconds(), 2) +
            " s" +
-           (farthest && farthest->largest > 0
-                ? "; farthest from the input by " + decimals(farthest->largest / farthest->edge, 1) +
+           (farthest && farthest->largest_unbent > 0
+                ? "; farthest from the input by " + decimals(farthest->largest_unbent / farthest->edge, 1) +
                       " edges: " + farthest->part
                 : "") +
            (symmetry_words(sum.symmetry).empty() ? "" : "; " + symmetry_words(sum.symmetry)) +
            (strayed > 0 ? "; " + std::to_string(strayed) + (strayed == 1 ? " shell strays" : " shells stray") : "") +
            (failed > 0 ? "; " + std::to_string(failed) + (failed == 1 ? " part failed" : " parts failed") : "");
-  session.in_part = session.in_part || failed > 0 || strayed > 0 ||
-                    std::abs(got - wanted) > job.options.remesh.count_tolerance * wanted;
+  const bool off = std::abs(got - wanted) > job.options.remesh.count_tolerance * wanted;
+  session.in_part = session.in_part || failed > 0 || strayed > 0 || (job.strict_count && off);
   return {};
 }
 

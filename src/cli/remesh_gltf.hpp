@@ -12,6 +12,7 @@ struct GltfJob {
   GltfRemeshOptions options;
   std::vector<Index> quads;  ///< one count a level of detail
   bool force = false;
+  bool strict_count = false;  ///< a count off by more than the tolerance is exit code 9
   Json options_json;
 };
 

@@ -77,13 +77,14 @@ class MorphPositions {
 
 }  // namespace
 
-void add_field(Job& job, const Shells& shells, const RemeshResult& result, const std::vector<char>& keep_normals,
-               Index influences) {
+void add_field(Job& job, const Shells& shells, const RemeshResult& result, const std::map<Index, Index>& claims,
+               const std::vector<char>& keep_normals, Index influences) {
   const QuadMesh& quads = result.mesh;
   if (quads.quad_count() == 0) return;
   std::vector<Index> every(at(job.gathered.surface.asset.mesh.face_count()));
   std::iota(every.begin(), every.end(), 0);
   Regions regions(job.gathered, job.gathered.surface.asset.mesh, every);
+  for (const auto& [quad, face] : claims) regions.claim(quad, face);
   const FieldNormals normals(job.gathered, *shells.wedges, shells.components, quads, keep_normals);
   const MorphNormals morphs(job.gathered, result, normals);
   const MorphPositions displacements(job, result);

@@ -16,8 +16,8 @@ struct Job {
 
 /// Quads of a field, whose `source` refers to the surface. Before all triangles.
 /// \param keep_normals a flag a shell
-void add_field(Job& job, const Shells& shells, const RemeshResult& result, const std::vector<char>& keep_normals,
-               Index influences);
+void add_field(Job& job, const Shells& shells, const RemeshResult& result, const std::map<Index, Index>& claims,
+               const std::vector<char>& keep_normals, Index influences);
 /// The quads, or the triangles, of a shell that is made of the file's own vertices, with what these carry. Quads before
 /// all triangles.
 void add_polygons(Job& job, const Shells& shells, const Shell& shell, bool quads, GltfNormals normals,

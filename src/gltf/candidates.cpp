@@ -9,6 +9,7 @@
 #include "quadrig/skinning.hpp"
 #include "seams.hpp"
 #include "shells.hpp"
+#include "simplified.hpp"
 
 namespace quadrig::gltf {
 namespace {
@@ -38,6 +39,7 @@ class ShellPoses {
     if (asset.rig && shell.bends) choose_poses(*asset.rig);
     choose_targets();
     points_.weight.assign(1, 1.0);
+    points_.bends = poses_.size();
     points_.weight.insert(points_.weight.end(), poses_.size(),
                           1.0 / static_cast<double>(std::max<std::size_t>(1, poses_.size())));
     points_.weight.insert(points_.weight.end(), targets_.size(),
@@ -187,6 +189,34 @@ std::vector<Index> lines_of(const Gathered& gathered, const Shells& shells, cons
   return lines;
 }
 
+/// Islands of a material that are smaller than a few quads ask for more of them there. \param factors one a face, or
+/// empty: all 1
+void densify_islands(const Gathered& gathered, const TriangleMesh<double>& part, const std::vector<Index>& faces,
+                     double quads, std::vector<double>& factors) {
+  constexpr double few = 4, most = 16;
+  const auto material = [&](Index f) {
+    return gathered.primitives[at(gathered.surface.source_primitive[at(faces[at(f)])])].material;
+  };
+  DisjointSets islands(at(part.face_count()));
+  bool several = false;
+  for (Index h = 0; h < part.halfedge_count(); ++h) {
+    if (part.twin(h) == no_index) continue;
+    const Index f = h / 3, g = part.twin(h) / 3;
+    if (material(f) == material(g))
+      islands.join(f, g);
+    else
+      several = true;
+  }
+  if (!several) return;
+  std::vector<double> area(at(part.face_count()), 0.0);
+  for (Index f = 0; f < part.face_count(); ++f) area[at(islands.find(f))] += part.area(f);
+  const double wanted = few * part.total_area() / quads;
+  if (factors.empty()) factors.assign(area.size(), 1.0);
+  for (Index f = 0; f < part.face_count(); ++f)
+    if (const double here = area[at(islands.find(f))]; here > 0 && here < wanted)
+      factors[at(f)] = std::min(factors[at(f)] * std::min(wanted / here, most), largest_density_factor);
+}
+
 /// \param sharp borders of primitives and edges where normals part are lines of quads
 Expected<FieldQuads> make_field(const Gathered& gathered, const Shells& shells, const Shell& shell, bool sharp,
                                 const GltfRemeshOptions& options, Context& context) {
@@ -199,17 +229,30 @@ Expected<FieldQuads> make_field(const Gathered& gathered, const Shells& shells, 
   own.morphs = morphs_of(gathered, part.mesh, made.faces);
   if (!shells.density.empty() && own.preset != FieldPreset::thesis)
     for (const Index f : made.faces) own.density_factors.push_back(shells.density[at(f)]);
+  if (own.preset != FieldPreset::thesis)
+    densify_islands(gathered, part.mesh, made.faces, own.quads, own.density_factors);
   if (options.on_part) options.on_part(part, made.faces, own);
   Expected<UnfittedQuads> unfitted = remesh_unfitted(part, own, context);
   if (!unfitted) return unfitted.error();
+  Regions regions(gathered, part.mesh, made.faces);
+  std::set<Index> primitives;
+  for (const Index f : made.faces) primitives.insert(gathered.surface.source_primitive[at(f)]);
+  if (primitives.size() > 1) regions.claim_for_islands(unfitted->mesh);
   if (options.snap_seams) {
     const Stopwatch watch;
-    Regions regions(gathered, part.mesh, made.faces);
     const SeamFigures figures =
         snap_to_seams(part.mesh, regions, options.least_at_seams, unfitted->on_features, unfitted->mesh, context);
     made.seam_edges = figures.edges;
     made.snapped_edges = figures.on_seams;
-    for (std::size_t v = 0; v < figures.placed.size(); ++v) unfitted->held[v] = unfitted->held[v] || figures.placed[v];
+    const bool leaves_surface = own.fit.method == FitMethod::surface || own.fit.method == FitMethod::subdivision;
+    if (leaves_surface && figures.on_seams > 0) {  // what lies on a seam is fitted to it
+      unfitted->kept.resize(at(part.mesh.halfedge_count()), 0);
+      for (Index h = 0; h < part.mesh.halfedge_count(); ++h)
+        if (regions.is_seam(h)) unfitted->kept[at(h)] = 1;
+    } else {
+      for (std::size_t v = 0; v < figures.placed.size(); ++v)
+        unfitted->held[v] = unfitted->held[v] || figures.placed[v];
+    }
     unfitted->report.seconds.polish += watch.seconds();
     unfitted->report.seconds.total += watch.seconds();
   }
@@ -221,21 +264,53 @@ Expected<FieldQuads> make_field(const Gathered& gathered, const Shells& shells, 
   std::erase_if(made.result.report.warnings,
                 [](const Warning& warning) { return warning.stage == "coverage" || warning.stage == "count"; });
   // No primitive may vanish.
-  std::set<Index> lost;
-  for (const Index f : made.faces) lost.insert(gathered.surface.source_primitive[at(f)]);
-  if (lost.size() > 1) {
-    Regions regions(gathered, part.mesh, made.faces);
-    for (Index q = 0; q < made.result.mesh.quad_count() && !lost.empty(); ++q)
-      lost.erase(regions.of_quad(made.result.mesh, q).primitive);
-    if (!lost.empty()) {
-      const Primitive& first = gathered.primitives[at(*lost.begin())];
+  if (primitives.size() > 1) {
+    regions.claim_for_islands(made.result.mesh);
+    for (Index q = 0; q < made.result.mesh.quad_count(); ++q)
+      primitives.erase(made.primitive.emplace_back(regions.of_quad(made.result.mesh, q).primitive));
+    if (!primitives.empty()) {
+      const Primitive& first = gathered.primitives[at(*primitives.begin())];
       return Error{ErrorCode::stage_failed,
                    numbered("meshes", first.mesh) + "." + numbered("primitives", first.number) +
-                       " is smaller than a quad and would be lost",
+                       " has no quad of its own: there are fewer quads than primitives",
                    gathered.surface.label(), "ask for more quads"};
     }
   }
+  made.claims = regions.claims();
   return made;
+}
+
+/// Whether none of the primitives is lost, and the triangles are those of a surface: no side is twice there.
+bool stand_for(std::span<const Polygon> few, std::span<const Polygon> all) {
+  std::set<Index> primitives;
+  std::set<std::pair<Index, Index>> sides;
+  for (const Polygon& p : all) primitives.insert(p.primitive);
+  for (const Polygon& p : few) {
+    primitives.erase(p.primitive);
+    for (std::size_t i = 0; i < 3; ++i) {
+      const Index a = p.vertex[i], b = p.vertex[(i + 1) % 3];
+      if (a == b || !sides.emplace(a, b).second) return false;
+    }
+  }
+  return primitives.empty() && !few.empty();
+}
+
+Index material_of(const Gathered& gathered, Index primitive) {
+  const std::optional<std::size_t>& material = gathered.primitives[at(primitive)].material;
+  return material ? static_cast<Index>(*material) : no_index;
+}
+/// Of each of the polygons' triangles.
+std::vector<Index> materials_of(const Gathered& gathered, std::span<const Polygon> polygons) {
+  std::vector<Index> materials;
+  for (const Polygon& p : polygons) materials.insert(materials.end(), p.size() - 2, material_of(gathered, p.primitive));
+  return materials;
+}
+/// Of each of the quads' triangles.
+std::vector<Index> materials_of(const Gathered& gathered, const FieldQuads& field) {
+  std::vector<Index> materials;
+  for (const Index p : field.primitive) materials.insert(materials.end(), 2, material_of(gathered, p));
+  if (field.primitive.empty()) materials.assign(at(2 * field.result.mesh.quad_count()), no_index);
+  return materials;
 }
 
 /// The quads among polygons, over all vertices of the surface.
@@ -270,14 +345,15 @@ Status make_shell(const Gathered& gathered, const Shells& shells, Shell& shell, 
   if (!field && (!competition || due_its_own(shell))) return {};
 
   const ShellPoses poses(gathered, shells, shell);
-  Measure measure(as_triangles(triangles), poses.points());
+  Measure measure(as_triangles(triangles), poses.points(), materials_of(gathered, triangles));
   const auto wanted = static_cast<Index>(std::lround(shell.due));
   double best = std::numeric_limits<double>::infinity();
   const auto tell = [&](std::string_view name, Index count, const Apart& apart) {
     if (!context.on_log) return;
     context.log(shell_label(gathered, shells, shell) + ", due " + std::to_string(wanted) + ": " + std::string(name) +
                 " " + std::to_string(count) + " triangles, rms " +
-                std::to_string(1e4 * apart.rms / measure.diagonal()) + "e-4 of its diagonal");
+                std::to_string(1e4 * apart.rms / measure.diagonal()) + "e-4 of its diagonal, with colours " +
+                std::to_string(1e4 * apart.seen / measure.diagonal()) + "e-4");
   };
   if (field) {
     Expected<FieldQuads> made = make_field(gathered, shells, shell, competition, options, context);
@@ -285,8 +361,9 @@ Status make_shell(const Gathered& gathered, const Shells& shells, Shell& shell, 
       made = make_field(gathered, shells, shell, false, options, context);
     if (made) {
       const SpanTimer measuring(context, "measure");
-      shell.apart = measure.apart(fan_triangles(to_polygons(made->result.mesh)), poses.of(*made));
-      best = shell.apart.rms;
+      shell.apart =
+          measure.apart(fan_triangles(to_polygons(made->result.mesh)), poses.of(*made), materials_of(gathered, *made));
+      best = shell.apart.seen;
       tell("field", 2 * made->result.mesh.quad_count(), shell.apart);
       shell.field = std::move(*made);
       shell.make = GltfMake::field;
@@ -311,9 +388,14 @@ Status make_shell(const Gathered& gathered, const Shells& shells, Shell& shell, 
   for (const Polygon& p : own) quads += p.size() == 4;
   const double share = irregular_share(own, irregular);
   const bool modelled = 2 * quads >= modelled_quads * shell.own() && share <= modelled_irregular;
-  // Quads that are split from simplified triangles follow no field either.
-  const bool no_field = !shell.field || std::ranges::any_of(shell.field->result.report.components,
-                                                            [](const auto& c) { return c.rung == Rung::split; });
+  // Quads that are split from simplified triangles follow no field either, and those that lose a part are none to ship.
+  constexpr double lost_edges = 2;
+  double area = 0;
+  for (const Index f : shell.faces) area += mesh.area(f);
+  const double edge = std::sqrt(2 * area / shell.due);
+  const bool no_field =
+      !shell.field || shell.apart.largest_unbent > lost_edges * edge ||
+      std::ranges::any_of(shell.field->result.report.components, [](const auto& c) { return c.rung == Rung::split; });
   // No topology to keep, or no room for one.
   const bool free = !shell.bends || no_field || shell.due < 2 * options.least_bending_quads;
   // Rings round eyes and mouth are what rows that go would cut.
@@ -326,10 +408,11 @@ Status make_shell(const Gathered& gathered, const Shells& shells, Shell& shell, 
   };
   const auto compete = [&](std::vector<Polygon> made, GltfMake make, double handicap) {
     if (triangle_count(made) > std::max(1.05 * shell.due, shell.due + 2) && std::isfinite(best)) return;
-    const Apart apart = measure.apart(as_triangles(made), poses.points().places);
+    const Apart apart = measure.apart(as_triangles(made), poses.points().places, materials_of(gathered, made));
     tell(gltf_make_name(make), triangle_count(made), apart);
-    if (!(apart.rms < handicap * best) || cuts_rings(made)) return;
-    best = apart.rms;
+    if (!(apart.seen < handicap * best) || cuts_rings(made)) return;
+    if (shell.field && !no_field && apart.largest_unbent > lost_edges * edge) return;
+    best = apart.seen;
     shell.apart = apart;
     shell.polygons = std::move(made);
     shell.make = make;
@@ -341,10 +424,19 @@ Status make_shell(const Gathered& gathered, const Shells& shells, Shell& shell, 
     const SpanTimer rows(context, "rows");
     compete(coarsened(own, *shells.wedges, poses.points(), {wanted, true, 0.5}, {}, context), GltfMake::rows, 1);
   }
-  if (free) {
-    const SpanTimer simplified(context, "simplified");
+  // Where neither holds the shape, loops are worth less than it.
+  constexpr double unlike_edges = 0.2, unlike_must_gain = 1.0 / 3;
+  const bool unlike = best > unlike_edges * edge;
+  if (free || unlike) {
+    const SpanTimer span_of_these(context, "simplified");
+    const double handicap = free ? simplified_must_gain : unlike_must_gain;
     std::vector<Polygon> few = coarsened(triangles, *shells.wedges, poses.points(), {wanted, false, 0}, {}, context);
-    compete(paired(mesh.positions(), std::move(few), {}), GltfMake::simplified, simplified_must_gain);
+    compete(paired(mesh.positions(), std::move(few), {}), GltfMake::simplified, handicap);
+    // The best of two is left; against each other they have none.
+    few = simplified(triangles, mesh.positions(), wanted);
+    if (stand_for(few, triangles))
+      compete(paired(mesh.positions(), std::move(few), {}), GltfMake::simplified,
+              shell.make == GltfMake::simplified ? 1 : handicap);
   }
   if (shell.field) shell.polygons.clear();
   if (context.cancelled()) return cancelled_error("gltf");

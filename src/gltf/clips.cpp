@@ -22,6 +22,15 @@ Eigen::Vector4d key(const Channel& channel, Eigen::Index i) {
 }
 
 /// glTF 2.0, appendix C: clamped at both ends; spherical for rotations that are linear.
+/// The rotation a share t of the shorter way from one to another. \pre both have length 1. Source: Shoemake 1985.
+Eigen::Vector4d between(const Eigen::Quaterniond& from, const Eigen::Quaterniond& to, double t) {
+  const double cosine = from.dot(to), sign = cosine < 0 ? -1 : 1;
+  const double angle = elementary::acos(std::min(1.0, std::abs(cosine))), whole = elementary::sin(angle);
+  if (!(whole > 1e-8)) return (1 - t) * from.coeffs() + t * sign * to.coeffs();
+  return elementary::sin((1 - t) * angle) / whole * from.coeffs() +
+         sign * elementary::sin(t * angle) / whole * to.coeffs();
+}
+
 Eigen::Vector4d sample(const Channel& channel, double time) {
   const Values& times = *channel.times;
   const Eigen::Index count = times.rows();
@@ -41,7 +50,7 @@ Eigen::Vector4d sample(const Channel& channel, double time) {
   if (channel.path == Path::rotation) {
     const Eigen::Vector4d a = value(before), b = value(next);
     const Eigen::Quaterniond from(a[3], a[0], a[1], a[2]), to(b[3], b[0], b[1], b[2]);
-    if (from.norm() > 0 && to.norm() > 0) return from.normalized().slerp(t, to.normalized()).coeffs();
+    if (from.norm() > 0 && to.norm() > 0) return between(from.normalized(), to.normalized(), t);
   }
   return (1 - t) * value(before) + t * value(next);
 }

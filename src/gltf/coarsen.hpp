@@ -5,10 +5,11 @@
 
 namespace quadrig::gltf {
 
-/// The places of a shell's vertices in each pose that counts, the first at rest.
+/// The places of a shell's vertices in each pose that counts: at rest, bent, with each morph target.
 struct PosedPoints {
   std::vector<Points<double>> places;  ///< n×3 each, of all vertices of the surface
   std::vector<double> weight;          ///< of each pose
+  std::size_t bends = 0;               ///< the poses after the first that a skin makes
 };
 
 struct CoarsenOptions {

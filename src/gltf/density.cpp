@@ -26,7 +26,7 @@ std::vector<double> density_factors(const Gathered& gathered, const std::optiona
   bool any = false;
   // The product of what each corner has, to a third.
   const auto multiply = [&](Index h, double factor) {
-    factors[at(h / 3)] *= std::cbrt(bounded(factor));
+    factors[at(h / 3)] *= elementary::cbrt(bounded(factor));
     any = true;
   };
   for (const Attribute& attribute : gathered.attributes) {

@@ -85,7 +85,7 @@ std::vector<char> authored_normals(const Gathered& gathered, const Wedges& wedge
         if (const auto other = file_normal(gathered, wedges, d); other && other->dot(*own) > hard_cosine)
           made += mesh.corner_angle(TriangleMesh<double>::next(d)) * mesh.normal(d / 3);
       const auto shell = at(shells.of_face[at(c / 3)]);
-      sum[shell] += mesh.area(c / 3) * std::acos(std::clamp(unit_or(made, *own).dot(*own), -1.0, 1.0));
+      sum[shell] += mesh.area(c / 3) * elementary::acos(std::clamp(unit_or(made, *own).dot(*own), -1.0, 1.0));
       area[shell] += mesh.area(c / 3);
     }
   std::vector<char> authored;

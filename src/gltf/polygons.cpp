@@ -80,24 +80,29 @@ Wedges::Wedges(const Gathered& gathered, const Components& shells) : gathered_(g
     if (a.makes_seams())
       for (Eigen::Index k = 0; k < a.width; ++k) columns_.push_back(a.first + k);
   const auto primitive_of = [&](Index f) { return gathered.surface.source_primitive[at(f)]; };
-  // A shell is flat where nearly all edges that bend have a normal for each face on either side.
-  std::vector<Index> bent(at(shells.count), 0), split(at(shells.count), 0);
+  // A shell is flat where nearly all triangles beside an edge that bends have one normal, about their own: that of a
+  // polygon that is not quite flat is a little off those of its triangles. Without normals they are drawn flat.
+  constexpr double alike_cosine = 0.9999, about = 0.8, nearly_all = 0.9;
+  std::vector<Index> beside(at(shells.count), 0), even(at(shells.count), 0);
   const auto own_normal = [&](Index corner) {
     return normal(gathered.corner_vertex[at(corner)], primitive_of(corner / 3));
   };
-  for (Index h = 0; h < mesh.halfedge_count(); ++h) {
+  const auto bends = [&](Index h) {
     const Index across = mesh.twin(h);
-    if (across == no_index || h > across || !(mesh.normal(h / 3).dot(mesh.normal(across / 3)) < 0.999)) continue;
-    const Index shell = shells.of_face[at(h / 3)];
-    ++bent[at(shell)];
-    const auto a = own_normal(h), b = own_normal(TriangleMesh<double>::next(across));
-    if (!a && !b) {
-      ++split[at(shell)];  // without normals faces are drawn flat
-      continue;
-    }
-    split[at(shell)] += a && b && a->dot(mesh.normal(h / 3)) > 0.995 && b->dot(mesh.normal(across / 3)) > 0.995;
+    return across != no_index && mesh.normal(h / 3).dot(mesh.normal(across / 3)) < 0.999;
+  };
+  for (Index f = 0; f < mesh.face_count(); ++f) {
+    if (!bends(3 * f) && !bends(3 * f + 1) && !bends(3 * f + 2)) continue;
+    const Index shell = shells.of_face[at(f)];
+    ++beside[at(shell)];
+    const auto a = own_normal(3 * f), b = own_normal(3 * f + 1), c = own_normal(3 * f + 2);
+    if (a && b && c)
+      even[at(shell)] += a->dot(*b) > alike_cosine && b->dot(*c) > alike_cosine && a->dot(mesh.normal(f)) > about;
+    else
+      even[at(shell)] += !a && !b && !c;
   }
-  for (std::size_t s = 0; s < bent.size(); ++s) flat_.push_back(bent[s] > 0 && split[s] >= 0.9 * bent[s]);
+  for (std::size_t s = 0; s < beside.size(); ++s)
+    flat_.push_back(beside[s] > 0 && static_cast<double>(even[s]) >= nearly_all * static_cast<double>(beside[s]));
 
   std::vector<std::vector<Index>> known(at(mesh.vertex_count()));  // corners that stand for a wedge
   of_corner_.resize(at(mesh.halfedge_count()));

@@ -43,7 +43,8 @@ class Wedges {
   [[nodiscard]] Index at_corner(Index corner) const { return of_corner_[static_cast<std::size_t>(corner)]; }
   /// Whether the file's normals part across a half-edge: an edge that is meant to be seen, on a seam or not.
   [[nodiscard]] bool is_hard(Index halfedge) const;
-  /// Every face of the shell has its own normals: it is to be written so again.
+  /// Nearly every face of the shell has one normal, its own or that of a polygon that it is of: it is to be written so
+  /// again.
   [[nodiscard]] bool flat(Index shell) const { return flat_[static_cast<std::size_t>(shell)]; }
   /// How unlike two gathered vertices are in what makes seams and in their normals.
   [[nodiscard]] double difference(Index a, Index b, Index primitive) const;

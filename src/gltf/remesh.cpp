@@ -104,10 +104,13 @@ void collect(Job& job, const Shells& shells, GltfRemeshed& done, GltfNormals nor
   const Asset& asset = job.gathered.surface.asset;
   RemeshResult& result = done.result;
   std::vector<const SkinWeights*> weights;
+  std::map<Index, Index> claims;
   result.mesh.positions.resize(0, 3);
   result.mesh.quads.resize(0, 4);
   for (const Shell& shell : shells.list) {
     if (!shell.field) continue;
+    for (const auto& [quad, face] : shell.field->claims)
+      claims[result.mesh.quad_count() + quad] = shell.field->faces[at(face)];
     append(result, *shell.field);
     if (shell.field->result.weights) weights.push_back(&*shell.field->result.weights);
     done.seam_edges += shell.field->seam_edges;
@@ -118,7 +121,7 @@ void collect(Job& job, const Shells& shells, GltfRemeshed& done, GltfNormals nor
   if (normals == GltfNormals::automatic)
     keep_normals = authored_normals(job.gathered, *shells.wedges, shells.components);
   for (std::size_t s = 0; s < shells.list.size(); ++s) done.kept_normals += shells.list[s].field && keep_normals[s];
-  add_field(job, shells, result, keep_normals, influences);
+  add_field(job, shells, result, claims, keep_normals, influences);
   for (const bool quads : {true, false})
     for (const Shell& shell : shells.list)
       if (!shell.field) add_polygons(job, shells, shell, quads, normals, influences);
@@ -135,6 +138,7 @@ void collect(Job& job, const Shells& shells, GltfRemeshed& done, GltfNormals nor
     told.rms = shell.apart.rms;
     told.mean = shell.apart.mean;
     told.largest = shell.apart.largest;
+    told.largest_unbent = shell.apart.largest_unbent;
     double area = 0;
     for (const Index f : shell.faces) area += asset.mesh.area(f);
     told.edge = std::sqrt(2 * area / std::max<Index>(1, shell.triangles()));
@@ -358,10 +362,10 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
   for (std::size_t s = 0; s < all.size(); ++s)
     for (std::size_t c = 0; c < all[s].shells.size(); ++c) {
       const GltfShell& told = all[s].shells[c];
-      if (!(options.most_edges_off > 0 && told.largest > options.most_edges_off * told.edge)) continue;
+      if (!(options.most_edges_off > 0 && told.largest_unbent > options.most_edges_off * told.edge)) continue;
       ++all[s].strayed;
       char far[32];
-      std::snprintf(far, sizeof far, "%.1f", told.largest / told.edge);
+      std::snprintf(far, sizeof far, "%.1f", told.largest_unbent / told.edge);
       context.warn("gltf", told.part + " strays " + far +
                                " edges of its quads from the input; ask for more quads, or allow it by max-error");
     }

@@ -90,8 +90,8 @@ Expected<Shells> find_shells(const Gathered& gathered, const GltfRemeshOptions& 
   for (Shell& shell : shells.list) {
     for (const Index f : shell.faces)
       shell.demand +=
-          mesh.area(f) * std::cbrt(metric->error[at(f)]) * (shells.density.empty() ? 1 : shells.density[at(f)]);
-    shell.demand *= std::pow(scale, 4.0 / 3);
+          mesh.area(f) * elementary::cbrt(metric->error[at(f)]) * (shells.density.empty() ? 1 : shells.density[at(f)]);
+    shell.demand *= elementary::pow(scale, 4.0 / 3);
     if (asset.rig) {
       Index first = no_index;
       for (const Index f : shell.faces)

@@ -13,6 +13,8 @@ namespace quadrig::gltf {
 struct FieldQuads {
   RemeshResult result;  ///< `source` refers to `faces`
   std::vector<Index> faces;
+  std::vector<Index> primitive = {};   ///< of each quad; empty: there is one
+  std::map<Index, Index> claims = {};  ///< quads of primitives that would have none, with a face: see Regions
   Index seam_edges = 0, snapped_edges = 0;
 };
 

@@ -83,7 +83,7 @@ void join_skins(State& state, const NodeTree& tree, std::vector<std::size_t>& sk
 }
 
 double scale_of(const Eigen::Affine3d& transform) {
-  const double scale = std::cbrt(std::abs(transform.linear().determinant()));
+  const double scale = elementary::cbrt(std::abs(transform.linear().determinant()));
   return std::isfinite(scale) && scale > 0 ? scale : 1;
 }
 

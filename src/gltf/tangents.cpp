@@ -8,6 +8,8 @@
 #include <map>
 #include <unordered_map>
 
+#include "quadrig/elementary.hpp"
+
 namespace quadrig::gltf {
 namespace {
 
@@ -157,7 +159,7 @@ std::vector<Vector3> TangentGroups::directions(const Vertices& vertices) const {
     const Vector3& p = vertices.positions[v];
     const Vector3 before = in_plane(vertices.positions[at(corners_[previous(c)])] - p, n),
                   after = in_plane(vertices.positions[at(corners_[next(c)])] - p, n);
-    const double angle = std::acos(std::clamp(before.dot(after), -1.0, 1.0));
+    const double angle = elementary::acos(std::clamp(before.dot(after), -1.0, 1.0));
     sum[g] += angle * in_plane(along_texture(vertices, corners_, c / 3), n);
   }
   for (std::size_t g = 0; g < sum.size(); ++g) {

@@ -87,7 +87,7 @@ Expected<std::vector<double>> density_factors(const PolygonMesh& polygons, const
   if (polygons.colors.rows() == 0) return absent("colours of vertices", "--density-colors");
   for (Index h = 0; h < mesh.halfedge_count(); ++h) {
     const Index v = loaded.source_vertex[at(mesh.origin(h))];
-    factors[at(h / 3)] *= std::cbrt(density_of_color(polygons.colors.row(v).transpose()));
+    factors[at(h / 3)] *= elementary::cbrt(density_of_color(polygons.colors.row(v).transpose()));
   }
   return factors;
 }

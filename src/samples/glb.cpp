@@ -212,8 +212,8 @@ class Writer {
     for (const CharacterTurn& turn : character_.clip) {
       Eigen::MatrixXd turns(static_cast<Eigen::Index>(turn.degrees.size()), 4);
       for (std::size_t i = 0; i < turn.degrees.size(); ++i) {
-        const Eigen::Quaterniond q(Eigen::AngleAxisd(turn.degrees[i] * std::numbers::pi / 180, turn.axis));
-        turns.row(static_cast<Eigen::Index>(i)) = q.coeffs().transpose();
+        const elementary::SinCos half = elementary::sincos(turn.degrees[i] * std::numbers::pi / 360);
+        turns.row(static_cast<Eigen::Index>(i)) << half.sin * turn.axis.transpose(), half.cos;
       }
       made["channels"].push_back({{"sampler", made.contains("samplers") ? made["samplers"].size() : 0},
                                   {"target", {{"node", turn.bone}, {"path", "rotation"}}}});

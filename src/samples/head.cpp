@@ -22,16 +22,17 @@ Eigen::Vector2d unrolled(Island island, const Vector3& p) {
   const double height = (p.y() - bottom_y) / (0.135 - bottom_y);
   switch (island) {
     case front:
-      return {0.5 + std::atan2(p.x(), std::max(p.z() - seam_z, 0.0)) / pi, height};
+      return {0.5 + elementary::atan2(p.x(), std::max(p.z() - seam_z, 0.0)) / pi, height};
     case back:
-      return {0.5 - std::atan2(p.x(), std::max(seam_z - p.z(), 0.0)) / pi, height};
+      return {0.5 - elementary::atan2(p.x(), std::max(seam_z - p.z(), 0.0)) / pi, height};
     case ear_left:
     case ear_right:
       return {0.5 + (p.z() + 0.014) / 0.08, 0.5 + (p.y() + 0.004) / 0.08};
     case mouth:
-      return {0.5 + p.x() / 0.07, 0.5 + std::atan2(p.y() - mouth_y, 0.05 - p.z()) / (2 * pi)};
+      return {0.5 + p.x() / 0.07, 0.5 + elementary::atan2(p.y() - mouth_y, 0.05 - p.z()) / (2 * pi)};
     default:
-      return {0.5 + (std::abs(p.x()) - eye_x) / 0.036, 0.5 + std::atan2(p.y() - eye_y, eye_z - p.z()) / (2 * pi)};
+      return {0.5 + (std::abs(p.x()) - eye_x) / 0.036,
+              0.5 + elementary::atan2(p.y() - eye_y, eye_z - p.z()) / (2 * pi)};
   }
 }
 
@@ -52,7 +53,7 @@ Eigen::Vector2d texture_place(Island island, const Vector3& p) {
   return {place.u + place.width * at[0], 1 - place.v - place.height * at[1]};
 }
 
-double falling(double x) { return std::exp(-x * x); }
+double falling(double x) { return elementary::exp(-x * x); }
 
 /// Colours of the skin, drawn in the islands.
 Picture skin_picture() {
@@ -85,7 +86,7 @@ Picture eye_picture() {
   for (int row = 0; row < height; ++row)
     for (int column = 0; column < width; ++column) {
       const double polar = 180 * (row + 0.5) / height;
-      const double streak = 8 * std::sin(column * pi * 4 / width);
+      const double streak = 8 * elementary::sin(column * pi * 4 / width);
       const Eigen::Array3d color = polar < 12   ? Eigen::Array3d(14, 12, 12)
                                    : polar < 27 ? Eigen::Array3d(62 + streak, 96 + streak, 88 + streak)
                                    : polar < 30 ? Eigen::Array3d(36, 44, 42)

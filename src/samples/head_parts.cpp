@@ -74,7 +74,8 @@ Grid tube(const std::vector<Vector3>& path, double radius, bool closed) {
     const Vector3 other = along.cross(side);
     for (Index c = 0; c <= sides; ++c) {
       const double angle = 2 * pi * (c % sides) / sides;
-      made.points.push_back(path[detail::at(here)] + radius * (std::cos(angle) * side + std::sin(angle) * other));
+      made.points.push_back(path[detail::at(here)] +
+                            radius * (elementary::cos(angle) * side + elementary::sin(angle) * other));
     }
   }
   if (closed)  // the last ring is the first, however the path turned
@@ -90,7 +91,8 @@ std::vector<Vector3> rim_path(double scale) {
   constexpr int count = 24;
   for (int i = 0; i < count; ++i) {
     const double a = 2 * pi * i / count;
-    path.push_back(rim + scale * Vector3(0.0235 * std::cos(a), 0.0185 * std::sin(a), -0.1 * 0.0235 * std::cos(a)));
+    path.push_back(rim + scale * Vector3(0.0235 * elementary::cos(a), 0.0185 * elementary::sin(a),
+                                         -0.1 * 0.0235 * elementary::cos(a)));
   }
   return path;
 }
@@ -108,8 +110,9 @@ Part eyes() {
            grid(11, 17,
                 [](double t, double around) {
                   const double polar = pi * t, angle = 2 * pi * (around < 1 ? around : 0);
-                  return Vector3(eye + eye_radius * Vector3(std::sin(polar) * std::cos(angle),
-                                                            std::sin(polar) * std::sin(angle), std::cos(polar)));
+                  return Vector3(eye + eye_radius * Vector3(elementary::sin(polar) * elementary::cos(angle),
+                                                            elementary::sin(polar) * elementary::sin(angle),
+                                                            elementary::cos(polar)));
                 }),
            true);
   finish(part, eye_material);
@@ -120,7 +123,7 @@ Part brows_and_lashes(const Shape& shape) {
   Part part;
   add_both(part, grid(3, 9, [&](double across, double along) {
              const double x = 0.013 + 0.038 * along,
-                          middle = 0.0335 + 0.0065 * std::sin(pi * 0.75 * along) - 0.003 * along;
+                          middle = 0.0335 + 0.0065 * elementary::sin(pi * 0.75 * along) - 0.003 * along;
              const double width = 0.0055 * (1 - 0.75 * along);
              return above(shape, {x, middle + width * (across - 0.5), 0.1 - 0.02 * along}, 0.0012);
            }));
@@ -160,9 +163,9 @@ Part hair(const Shape& shape) {
                     [&](double down, double across) {
                       const double level = (layer.from + (end - layer.from) * down) * pi / 180;
                       const double turn = middle + half * (2 * across - 1) * (1 - 0.35 * down);
-                      const Vector3 out(std::cos(level) * std::sin(turn), std::sin(level),
-                                        std::cos(level) * std::cos(turn));
-                      const double crown = 0.0015 * (1 - std::pow(2 * across - 1, 2));
+                      const Vector3 out(elementary::cos(level) * elementary::sin(turn), elementary::sin(level),
+                                        elementary::cos(level) * elementary::cos(turn));
+                      const double crown = 0.0015 * (1 - (2 * across - 1) * (2 * across - 1));
                       return above(shape, Vector3(0, 0.03, -0.02) + 0.115 * out, layer.height + crown + 0.002 * down);
                     }),
                true);

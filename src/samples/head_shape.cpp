@@ -42,7 +42,7 @@ double step(double from, double to, double x) {
   return t * t * (3 - 2 * t);
 }
 double bell(const Vector3& p, const Vector3& center, const Vector3& widths) {
-  return std::exp(-(p - center).cwiseQuotient(widths).squaredNorm());
+  return elementary::exp(-(p - center).cwiseQuotient(widths).squaredNorm());
 }
 
 constexpr double almond = 0.0138;  // half the width of the lids' opening
@@ -126,9 +126,9 @@ double jaw_share(const Vector3& p) {
 /// A lid turns about the eye's middle: by what angle.
 double lid_turn(const Vector3& p) {
   const Vector3 q = p - eye;
-  const double along = std::atan2(q.y(), q.z());
-  const double top = std::asin(std::clamp(upper_margin(q.x()) / 0.0145, -1.0, 1.0));
-  const double low = std::asin(std::clamp(lower_margin(q.x()) / 0.0145, -1.0, 1.0));
+  const double along = elementary::atan2(q.y(), q.z());
+  const double top = elementary::asin(std::clamp(upper_margin(q.x()) / 0.0145, -1.0, 1.0));
+  const double low = elementary::asin(std::clamp(lower_margin(q.x()) / 0.0145, -1.0, 1.0));
   const double open = std::max(top - low, 0.0), middle = low + 0.25 * open;
   const double far = 1 - step(0.017, 0.026, q.norm());
   if (along > middle) return -far * 0.82 * open * (1 - step(top + 0.05, 1.5, along));
@@ -137,7 +137,7 @@ double lid_turn(const Vector3& p) {
 
 Vector3 turned(const Vector3& p, const Vector3& about, double angle) {
   // A positive angle lifts what is in front.
-  return about + Eigen::AngleAxisd(-angle, Vector3::UnitX()) * (p - about) - p;
+  return about + elementary::rotation(-angle, Vector3::UnitX()) * (p - about) - p;
 }
 
 Vector3 blink(const Vector3& p) {

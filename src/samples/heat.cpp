@@ -29,7 +29,8 @@ Expected<Eigen::MatrixXd> heat_weights(const Shape& shape, const TriangleMesh<do
     source(v, nearest) = heat;
   }
   for (Index c = 0; c < mesh.halfedge_count(); ++c) {  // half the cotangent of each corner, for the edge across
-    const double cotangent = std::clamp(0.5 / std::tan(mesh.corner_angle(c)), 0.0, 10.0);
+    const elementary::SinCos corner = elementary::sincos(mesh.corner_angle(c));
+    const double cotangent = std::clamp(0.5 * corner.cos / corner.sin, 0.0, 10.0);
     const Index a = mesh.target(c), b = mesh.origin(TriangleMesh<double>::prev(c));
     entries.emplace_back(a, a, cotangent);
     entries.emplace_back(b, b, cotangent);

@@ -33,17 +33,17 @@ Distance smooth_union(std::vector<Limb> limbs, double k) {
     for (const Limb& limb : limbs) {
       const double d = limb.distance(p, each);
       if (d < least) {  // sums are kept relative to the least distance so far: nothing overflows
-        const double scale = std::exp((d - least) / k);
+        const double scale = elementary::exp((d - least) / k);
         sum *= scale;
         total *= scale;
         least = d;
       }
-      const double share = std::exp((least - d) / k);
+      const double share = elementary::exp((least - d) / k);
       sum += share;
       total += share * each;
     }
     gradient = total / sum;
-    return least - k * std::log(sum);
+    return least - k * elementary::log(sum);
   };
 }
 
@@ -116,7 +116,9 @@ Shape box_torus() {
       [](const Vector3& p) {
         // Off the square's middle line, then a rounded square section; the mitred corners are softened alike.
         const double x = std::abs(p.x()), z = std::abs(p.z()), far = std::max(x, z);
-        const double off = far + blend * std::log(std::exp((x - far) / blend) + std::exp((z - far) / blend)) - ring;
+        const double off =
+            far + blend * elementary::log(elementary::exp((x - far) / blend) + elementary::exp((z - far) / blend)) -
+            ring;
         const double u = std::abs(off) - half + round, v = std::abs(p.y()) - half + round;
         return std::hypot(std::max(u, 0.0), std::max(v, 0.0)) + std::min(std::max(u, v), 0.0) - round;
       },

@@ -156,6 +156,12 @@ TEST_CASE("command: all outputs or none, devices too", "[cli][fast]") {
   run_quadrig(folder, "--version; ('" QUADRIG_COMMAND "' remesh pear.obj --quads 300 -o q.obj; echo $? > code) | true");
   CHECK(read_text(folder / "code") == "0\n");
   CHECK(std::filesystem::exists(folder / "q.obj"));
+  for (const char* arguments : {"stats q.obj", "stats q.obj --json"}) {
+    INFO(arguments);
+    run_quadrig(folder,
+                "--version; (sleep 0.2; '" QUADRIG_COMMAND "' " + std::string(arguments) + "; echo $? > code) | true");
+    CHECK(read_text(folder / "code") == "0\n");
+  }
   const std::string longest(245, 'n');
   CHECK(run_quadrig(folder, "field pear.obj -o " + longest + ".obj").exit_code == 0);
 }

@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import random
 import struct
 
 
@@ -86,6 +87,22 @@ def needle_obj(sides, length, count=1):
         for s in range(sides):
             a, b = base + s + 1, base + (s + 1) % sides + 1
             text += ["f %d %d %d" % (a, b, base + sides + 1), "f %d %d %d" % (b, a, base + sides + 2)]
+    return "\n".join(text) + "\n"
+
+
+def noisy_sphere_obj(rings, noise):
+    rolled = random.Random(3)
+    text = []
+    for r in range(rings + 1):
+        for s in range(2 * rings):
+            radius = 1 + rolled.uniform(-noise, noise)
+            up, turn = math.pi * r / rings, math.pi * s / rings
+            text.append("v %.4f %.4f %.4f" % (radius * math.sin(up) * math.cos(turn), radius * math.sin(up) * math.sin(turn),
+                                              radius * math.cos(up)))
+    for r in range(rings):
+        for s in range(2 * rings):
+            a, b = 2 * r * rings + s + 1, 2 * r * rings + (s + 1) % (2 * rings) + 1
+            text += ["f %d %d %d" % (a, a + 2 * rings, b), "f %d %d %d" % (b, a + 2 * rings, b + 2 * rings)]
     return "\n".join(text) + "\n"
 
 
@@ -252,6 +269,10 @@ def bombs(folder):
     yield surface("needles_31", needle_obj(24, 1e4, 31))
     yield surface("needles_500", needle_obj(12, 1e4, 500))
     yield surface("fan", needle_obj(12000, 1))
+    spine = put("spine.tgf", "1 0 -1 0\n2 0 0 0\n3 0 1 0\n#\n1 2\n2 3\n#\n")
+    for rings, noise in ((40, 0.25), (40, 0.08), (60, 0.02)):
+        yield surface("noise_%d_%g" % (rings, noise), noisy_sphere_obj(rings, noise), "--rig", spine, "--bind", "nearest",
+                      "--preset", "thesis")
     yield surface("far", "v 0 0 0\nv 1e300 0 0\nv 0 1e300 0\nv 0 0 1e300\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n")
     yield surface("ply_counts", b"ply\nformat binary_little_endian 1.0\nelement vertex 4000000000\nproperty float x\n"
                   b"property float y\nproperty float z\nelement face 4000000000\nproperty list uchar int vertex_indices\n"

@@ -204,6 +204,13 @@ def devices(tools, scratch):
         for words in (["stats", "in/mesh.obj"], ["stats", "in/mesh.obj", "--json"]):
             result = run([tools.command, *words], cwd=scratch, stdout=full)
             judge(result.code == 3 and everything(scratch) == before, "devices: stdout of " + " ".join(words), result)
+    # Nobody reads what is printed: the work is done all the same.
+    for words in (["stats", "in/mesh.obj"], ["stats", "in/mesh.obj", "--json"], ["dominance", "in/mesh.obj", *rig]):
+        reads, writes = os.pipe()
+        os.close(reads)
+        result = run([tools.command, *words], cwd=scratch, stdout=writes)
+        os.close(writes)
+        judge(result.code == 0 and everything(scratch) == before, "devices: closed pipe of " + " ".join(words), result)
     # A file size limit: writing fails as on a full disk.
     big = ["sample", "pear", "-o", "out/pear", "--triangles", "20000"]
     result = run([tools.command, *big], cwd=scratch, limits=[(resource.RLIMIT_FSIZE, 50_000)])
@@ -236,7 +243,7 @@ def kills(tools, scratch):
     for k in range(60):
         for name in os.listdir(out):
             os.remove(os.path.join(out, name))
-        which = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT, signal.SIGTERM, signal.SIGKILL)[k % 5]
+        which = (signal.SIGTERM, signal.SIGHUP, signal.SIGINT, signal.SIGPIPE, signal.SIGXFSZ, signal.SIGTERM, signal.SIGKILL)[k % 7]
         # Half of them at the end, when files are written.
         wait = whole * (random.uniform(0.85, 1.05) if k % 2 else random.uniform(0, 1))
         process = subprocess.Popen(words, cwd=scratch, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)

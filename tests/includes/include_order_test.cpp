@@ -51,6 +51,30 @@ TEST_CASE("includes: the tree keeps the order of docs/architecture.md", "[includ
   CHECK(include_violations(root, order) == std::vector<std::string>{});
 }
 
+TEST_CASE("includes: nothing that decides takes functions that the C library chooses by the processor",
+          "[includes][fast]") {
+  const std::filesystem::path root = QUADRIG_SOURCE_DIR;
+  const std::vector<std::string> theirs = {"sin",  "cos",   "tan",  "asin",  "acos",  "atan",  "atan2", "exp",
+                                           "exp2", "expm1", "log",  "log2",  "log1p", "log10", "pow",   "cbrt",
+                                           "sinh", "cosh",  "tanh", "polar", "arg",   "fma"};
+  std::vector<std::string> found;
+  std::size_t read = 0;
+  for (const char* folder : {"include", "src"})
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(root / folder)) {
+      const std::string name = entry.path().lexically_relative(root).generic_string();
+      if (!entry.is_regular_file() || name.starts_with("src/picture/")) continue;  // pictures decide nothing
+      std::ifstream file(entry.path());
+      const std::string text{std::istreambuf_iterator<char>(file), {}};
+      ++read;
+      for (const std::string& each : theirs)
+        if (text.find("std::" + each + "(") != std::string::npos) found.push_back(name + ": std::" + each);
+      for (const char* each : {"AngleAxis", ".slerp("})
+        if (text.find(each) != std::string::npos) found.push_back(name + ": " + each);
+    }
+  CHECK(read > 100);
+  CHECK(found == std::vector<std::string>{});
+}
+
 TEST_CASE("includes: every .ipp is compiled into the library once, by src/instantiate*.cpp", "[includes][fast]") {
   const std::filesystem::path root = QUADRIG_SOURCE_DIR;
   std::vector<std::string> there, compiled;

@@ -16,7 +16,7 @@ import sys
 import time
 
 BENDS = [("6", "z", 40), ("7", "z", -35), ("14", "z", -40), ("15", "x", -60), ("10", "x", -75), ("11", "x", 80), ("18", "x", 15)]
-SIZE = ["--width", "300", "--height", "420"]
+SIZE = {"--width": "300", "--height": "420"}
 
 
 def tgf(path):
@@ -84,6 +84,15 @@ def joint_density(mesh, weights, density=None):
     return count[1] / areas[1] / (count[0] / areas[0]) if min(areas) > 0 and count[0] > 0 else None
 
 
+def joint_distance(singular, files):
+    """Mean distance from a singular vertex to the nearest joint, as a share of the surface's diagonal."""
+    points, joints = obj(files[0])[0] if files[0].suffix == ".obj" else [], tgf(files[1])[0].values()
+    if not points or not singular:
+        return None
+    diagonal = math.dist(*[[limit(p[k] for p in points) for k in range(3)] for limit in (min, max)])
+    return sum(min(math.dist(v["place"], j) for j in joints) for v in singular) / len(singular) / diagonal
+
+
 class Figures:
     def __init__(self, quadrig, picture, folder):
         self.quadrig, self.picture_command, self.folder = quadrig, picture, folder
@@ -99,7 +108,7 @@ class Figures:
         return result.stdout
 
     def picture(self, name, *words):
-        size = [w for k in (0, 2) if SIZE[k] not in words for w in SIZE[k:k + 2]]
+        size = [w for option, pixels in SIZE.items() if option not in words for w in (option, pixels)]
         subprocess.run([self.picture_command, *map(str, words), *size, "-o", self.folder / (name + ".png")], check=True)
 
     def sample(self, name, triangles=20000):
@@ -136,7 +145,8 @@ class Figures:
         stem = self.work / f"{figure}-{what}-{preset}".replace(" ", "_").replace(",", "")
         report, raw = self.field(files, preset, stem.name, *options)
         row = {"figure": figure, "what": what, "preset": preset, "triangles": report["faces"],
-               "singularities": report["singularities_plus"] + report["singularities_minus"],
+               "singularities": report["singularities_plus"] + report["singularities_minus"], "index_sum": report["index_sum"] / 4,
+               "singular_to_joint": joint_distance(report["singular_vertices"], files) if files[1] else None,
                "degrees_to_bone_field": report["mean_angle_to_bone_deg"] if files[1] else None}
         weights = dmat(files[2]) if files[1] and report["faces"] < 100000 else None
         if weights:
@@ -369,7 +379,8 @@ def jacobians_5_16(f):
 
 FIGURES = [dominance_4_1, projection_4_2, process_5_1, trivial_5_3, wing_5_5, legs_5_6, weights_5_7, rigs_5_9, rest_5_11,
            resolution_5_12, unsuitable_5_13, static_5_15, jacobians_5_16]
-COLUMNS = [("singularities", "singular", 0), ("degrees_to_bone_field", "field to bone °", 1), ("joint_density_field", "joints/limbs, field", 2),
+COLUMNS = [("singularities", "singular", 0), ("index_sum", "index sum", 0), ("singular_to_joint", "singular to joint", 3),
+           ("degrees_to_bone_field", "field to bone °", 1), ("joint_density_field", "joints/limbs, field", 2),
            ("joint_density_quads", "joints/limbs, quads", 2), ("quads", "quads", 0), ("irregular", "irregular", 0),
            ("degrees_to_bone_quads", "edges to bone °", 1), ("jacobian_average", "SJ average", 3), ("jacobian_least", "SJ least", 3),
            ("posed_joints", "posed, joints", 2), ("posed_all", "posed, all", 2), ("rest_error", "rest", 2)]

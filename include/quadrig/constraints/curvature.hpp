@@ -28,7 +28,7 @@ template <class Scalar>
     const auto edge = mesh.edge_vector(h);
     const Scalar length = edge.norm();
     if (!(length > 0)) continue;
-    const double bend = static_cast<double>(std::atan2(a.cross(b).dot(edge) / length, a.dot(b)));
+    const double bend = static_cast<double>(elementary::atan2(a.cross(b).dot(edge) / length, a.dot(b)));
     const double half = bend * static_cast<double>(length) / 2;
     const auto f = static_cast<std::size_t>(h / 3);
     const Complex direction(connection.edge(h));

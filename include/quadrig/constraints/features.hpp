@@ -14,7 +14,7 @@ template <class Scalar>
   const Index across = mesh.twin(halfedge);
   if (across == no_index) return 0;
   const auto a = mesh.normal(halfedge / 3), b = mesh.normal(across / 3);
-  return std::atan2(a.cross(b).norm(), a.dot(b));
+  return elementary::atan2(a.cross(b).norm(), a.dot(b));
 }
 
 /// Half-edges, both of a pair, whose dihedral angle is above the limit and that are connected, by shared vertices, with

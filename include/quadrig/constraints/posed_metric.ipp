@@ -440,7 +440,7 @@ QUADRIG_INLINE Expected<PosedMetric> posed_metric(const TriangleMesh<double>& me
       if (f % 256 == 0 && context.cancelled()) return;
       const auto of_face = forms.of_face(static_cast<Index>(f));
       const auto at = [&](double angle) {
-        return detail::best_aspect(of_face, std::polar(1.0, angle), options.largest_aspect);
+        return detail::best_aspect(of_face, elementary::polar(1.0, angle), options.largest_aspect);
       };
       double errors[scan];
       int best = 0;
@@ -464,7 +464,7 @@ QUADRIG_INLINE Expected<PosedMetric> posed_metric(const TriangleMesh<double>& me
       }
       const detail::BestAspect found = at(angle);
       const bool long_first = found.aspect >= 1;
-      metric.direction[f] = std::polar(1.0, long_first ? angle : angle + std::numbers::pi / 2);
+      metric.direction[f] = elementary::polar(1.0, long_first ? angle : angle + std::numbers::pi / 2);
       metric.aspect[f] = long_first ? found.aspect : 1 / found.aspect;
       metric.error[f] = found.error;
       error_at_45[f] = at(angle + std::numbers::pi / 4).error;
@@ -476,7 +476,7 @@ QUADRIG_INLINE Expected<PosedMetric> posed_metric(const TriangleMesh<double>& me
   double area = 0, mean = 0;
   for (std::size_t f = 0; f < m; ++f) {
     const double joint = omega1.empty() ? 1 : 1 + (options.joint_weight - 1) * std::clamp(1 - omega1[f], 0.0, 1.0);
-    metric.density[f] = std::cbrt(joint * metric.error[f]);
+    metric.density[f] = elementary::cbrt(joint * metric.error[f]);
     area += mesh.area(static_cast<Index>(f));
     mean += mesh.area(static_cast<Index>(f)) * metric.density[f];
   }

@@ -128,7 +128,7 @@ void describe_bones(const FieldProblem<Scalar>& problem, const PolyVectorField& 
       const double square = std::norm(z) * std::norm(bone);
       return square > 0 ? std::abs(std::real(z * std::conj(bone))) / std::sqrt(square) : 1.0;
     };
-    angles[i] = std::acos(std::min(1.0, std::max(cosine(u), cosine(v)))) * 180 / std::numbers::pi;
+    angles[i] = elementary::acos(std::min(1.0, std::max(cosine(u), cosine(v)))) * 180 / std::numbers::pi;
   });
   for (Index f = 0; f < problem.mesh->face_count(); ++f) {
     const double omega1 = problem.dominance->omega(f, 1);
@@ -238,8 +238,8 @@ DensityTargets bone_densities(const FieldProblem<Scalar>& problem, const FrameFi
     const BoneDensity density =
         two_bone_density(*problem.mesh, *problem.connection, *problem.skeleton, *problem.dominance, face);
     const double share = omega2 / (omega1 + omega2);
-    const double along = share * std::log(std::clamp(density.along, 1.0, 4.0));
-    const double across = share * std::log(std::clamp(density.across, 1.0, 4.0));
+    const double along = share * elementary::log(std::clamp(density.along, 1.0, 4.0));
+    const double across = share * elementary::log(std::clamp(density.across, 1.0, 4.0));
     const bool u_along = std::abs(std::real(frames.u[f] * std::conj(bone))) / std::abs(frames.u[f]) >=
                          std::abs(std::real(frames.v[f] * std::conj(bone))) / std::abs(frames.v[f]);
     targets.log_u[f] = u_along ? along : across;
@@ -262,7 +262,8 @@ Expected<std::vector<Complex>> merge_singularities(BasicFieldSolver<Scalar>& sol
   for (std::size_t c = 0; c < scales.area.size(); ++c) {
     const double length = std::max(options.merge_length,
                                    std::min(0.25, options.merge_quads * options.quad_edge / std::sqrt(scales.area[c])));
-    factor.push_back(2 * std::pow(length / scales.average[c], 2));
+    const double ratio = length / scales.average[c];
+    factor.push_back(2 * ratio * ratio);
   }
   const auto factor_of = [&](std::size_t f) { return factor[static_cast<std::size_t>(scales.components.of_face[f])]; };
   std::vector<double> smoothness(system.smoothness.begin(), system.smoothness.end());

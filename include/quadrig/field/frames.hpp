@@ -23,11 +23,13 @@ struct PolyVectorField {
 };
 
 /// Angle from u to v, radians in (0, π) for a frame of a FrameField.
-[[nodiscard]] inline double opening_angle(Complex u, Complex v) { return std::arg(v * std::conj(u)); }
+[[nodiscard]] inline double opening_angle(Complex u, Complex v) { return elementary::arg(v * std::conj(u)); }
 
 /// β = arg u + ½ arg(v / u): the cross that bisects the frame, radians. 4β is the phase of x0. Source: design of
 /// principal matching on frames that need not be orthogonal, Vaxman et al. 2016.
-[[nodiscard]] inline double bisector_angle(Complex u, Complex v) { return std::arg(u) + opening_angle(u, v) / 2; }
+[[nodiscard]] inline double bisector_angle(Complex u, Complex v) {
+  return elementary::arg(u) + opening_angle(u, v) / 2;
+}
 
 /// Bounds on frames: what lies outside is brought to the bound, the bisector cross kept.
 struct FrameLimits {
@@ -69,7 +71,7 @@ struct Roots {
     }
     double length_u = std::abs(u), length_v = std::abs(v);
     const double largest = std::max(length_u, length_v);
-    const double beta = std::arg(u) + opening / 2;
+    const double beta = elementary::arg(u) + opening / 2;
     const bool narrow = opening < limits.least_angle_radians || opening > std::numbers::pi - limits.least_angle_radians;
     const bool unequal = std::min(length_u, length_v) * limits.largest_ratio < largest;
     if (!(largest > 0)) {
@@ -82,8 +84,8 @@ struct Roots {
       length_u = std::max(length_u, largest / limits.largest_ratio);
       length_v = std::max(length_v, largest / limits.largest_ratio);
       opening = std::clamp(opening, limits.least_angle_radians, std::numbers::pi - limits.least_angle_radians);
-      u = std::polar(length_u, beta - opening / 2);
-      v = std::polar(length_v, beta + opening / 2);
+      u = elementary::polar(length_u, beta - opening / 2);
+      v = elementary::polar(length_v, beta + opening / 2);
       ++bounded;
     }
     result.frames.u[f] = u;

@@ -26,8 +26,8 @@ template <class Scalar>
 inline void apply_densities(FrameField& frames, const DensityTargets& densities, double least, double most,
                             const Context* context = nullptr) {
   parallel_each(context, frames.u.size(), [&](std::size_t f) {
-    frames.u[f] *= std::clamp(std::exp(densities.log_u[f]), least, most) / std::abs(frames.u[f]);
-    frames.v[f] *= std::clamp(std::exp(densities.log_v[f]), least, most) / std::abs(frames.v[f]);
+    frames.u[f] *= std::clamp(elementary::exp(densities.log_u[f]), least, most) / std::abs(frames.u[f]);
+    frames.v[f] *= std::clamp(elementary::exp(densities.log_v[f]), least, most) / std::abs(frames.v[f]);
   });
 }
 

@@ -18,7 +18,7 @@ namespace quadrig {
     return Vector3((mesh.position(mesh.origin(h)) + mesh.position(mesh.target(h))) / 2);
   };
   const auto angle = [&](Index face, const Vector3& from, const Vector3& to) {
-    return std::atan2(mesh.normal(face).dot(from.cross(to)), from.dot(to));
+    return elementary::atan2(mesh.normal(face).dot(from.cross(to)), from.dot(to));
   };
   const std::size_t n = loop.crossed.size();
   double turn = 0;

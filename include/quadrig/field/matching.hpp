@@ -29,7 +29,8 @@ template <class Scalar>
     const auto h = static_cast<Index>(a);
     const Index twin = mesh.twin(h);
     if (twin == no_index || twin < h) return;
-    const double alpha_f = std::arg(Complex(connection.edge(h))), alpha_g = std::arg(-Complex(connection.edge(twin)));
+    const double alpha_f = elementary::arg(Complex(connection.edge(h))),
+                 alpha_g = elementary::arg(-Complex(connection.edge(twin)));
     const double turn =
         (beta[static_cast<std::size_t>(h / 3)] - alpha_f) + alpha_g - beta[static_cast<std::size_t>(twin / 3)];
     const double r = std::round(turn / quarter);

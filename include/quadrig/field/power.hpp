@@ -12,8 +12,8 @@ struct PowerField {
 
   /// Direction k of a face, 0 ≤ k < n: a unit vector in the face's basis.
   [[nodiscard]] Complex direction(Index face, int k = 0) const {
-    const double angle = std::arg(power[static_cast<std::size_t>(face)]);
-    return std::polar(1.0, (angle + 2 * std::numbers::pi * k) / n);
+    const double angle = elementary::arg(power[static_cast<std::size_t>(face)]);
+    return elementary::polar(1.0, (angle + 2 * std::numbers::pi * k) / n);
   }
 };
 

@@ -75,7 +75,7 @@ std::vector<Index> power_field_index(const TriangleMesh<Scalar>& mesh, const Con
     const Index twin = mesh.twin(h);
     if (twin == no_index || twin < h) continue;
     const Complex here = field.power[static_cast<std::size_t>(h / 3)] * Complex(connection.transport(mesh, h, field.n));
-    const double turn = std::arg(here * std::conj(field.power[static_cast<std::size_t>(twin / 3)]));
+    const double turn = elementary::arg(here * std::conj(field.power[static_cast<std::size_t>(twin / 3)]));
     turning[static_cast<std::size_t>(mesh.target(h))] += turn;
     turning[static_cast<std::size_t>(mesh.origin(h))] -= turn;
   }

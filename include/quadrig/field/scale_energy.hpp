@@ -64,10 +64,9 @@ class ScaleEnergy {
       curvature_[static_cast<std::size_t>(mesh_.origin(h))] -= mesh_.corner_angle(h);
     const RowTerm laplacian{"laplacian", [&](EmitRow<double> emit) {
                               for (Index h = 0; h < mesh_.halfedge_count(); ++h) {
-                                const double opposite = mesh_.corner_angle(mesh_.prev(h));
                                 const std::array<Index, 2> where{mesh_.origin(h), mesh_.target(h)};
                                 const std::array<double, 2> factor{1, -1};
-                                emit({where, factor, 0, std::clamp(0.5 / std::tan(opposite), 1e-3, 1e3)});
+                                emit({where, factor, 0, half_cotangent(mesh_, h)});
                               }
                             }};
     Expected<AnySolver<double>> solver = factory_();

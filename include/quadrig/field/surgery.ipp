@@ -216,7 +216,7 @@ QUADRIG_INLINE Status FieldSurgery::apply(const std::vector<char>& held, Context
   std::fill(change_.begin(), change_.end(), 0.0);
   for (Index f = 0; f < m; ++f) {
     turned_[at(f)] += delta[at(f)];
-    const Complex rotation = std::polar(1.0, delta[at(f)]);
+    const Complex rotation = elementary::polar(1.0, delta[at(f)]);
     field_.frames.u[at(f)] *= rotation;
     field_.frames.v[at(f)] *= rotation;
     if (field_.polynomial.x0.empty()) continue;

@@ -33,6 +33,7 @@ struct FoundQuads {
   Index singularities = 0;
   FieldReport field;
   MapStrain strain;
+  CurlReport curl;
   std::optional<ComponentMap> map;  ///< where RemeshOptions::keep_maps asks for it
 };
 

@@ -5,6 +5,7 @@
 #include "quadrig/pipeline/attempt.hpp"
 #include "quadrig/pipeline/landing.hpp"
 #include "quadrig/rims/band.hpp"
+#include "quadrig/seamless/reduce_curl.hpp"
 
 namespace quadrig::detail {
 
@@ -117,8 +118,7 @@ class AttemptRun {
     return repair;
   }
 
-  /// Border vertices that are to be no corners: their mirror images close the surface around them. Not on a stand-in,
-  /// which has no marks of its own.
+  /// Border vertices that are to be no corners: their mirror images close the surface around them.
   [[nodiscard]] std::vector<char> straight_border() const {
     std::vector<char> straight;
     if (!shared_.whole || piece_.mirror.empty()) return straight;
@@ -190,8 +190,8 @@ class AttemptRun {
         leave(reason);
         return Outcome::unmappable;
       }
-      std::vector<Index> trouble;
-      Expected<MadeQuads> made = quads_of(connection, surgery.field(), trouble, budget);
+      std::vector<Index> trouble, flat;
+      Expected<MadeQuads> made = quads_of(connection, surgery.field(), trouble, flat, budget);
       if (context_.cancelled()) return cancelled_error("remesh");
       watch_ = {};  // those of the map are taken
       if (made) return judged(std::move(*made), surgery.field());
@@ -206,6 +206,7 @@ class AttemptRun {
         if (last) return Outcome::tangled;
         continue;
       }
+      if (!last && !budget.spent(Work::maps) && release_near(mesh_, flat, piece_.kept)) continue;
       const Outcome outcome = trouble.empty() ? Outcome::flat : Outcome::tangled;
       if (budget.spent(Work::maps)) {
         leave("maps on these triangles have taken their share of the work");
@@ -222,9 +223,28 @@ class AttemptRun {
     }
   }
 
+  /// Moves frames and matching towards those of a map.
+  [[nodiscard]] Status reduce(const Connection<double>& connection, const Singularities& singularities,
+                              FrameField& frames, Matching& matching, Budget& budget) {
+    const SpanTimer span(context_, "curl");
+    CurlOptions options;
+    options.rounds = options_.curl_rounds;
+    options.kept = piece_.kept;
+    options.solver = options_.solver;
+    Expected<ReducedField> reduced = reduce_curl(mesh_, connection, frames, matching, singularities, options, context_);
+    if (!reduced) return map_error("curl: " + reduced.error().message());
+    constexpr std::int64_t solves = 2;  // one factorization, and solves that cost little beside it
+    budget.spend(Work::maps, solves * mesh_.face_count());
+    frames = std::move(reduced->frames);
+    matching = std::move(reduced->matching);
+    curl_ = reduced->report.in_units_of(shared_.edge);
+    return {};
+  }
+
   /// \param trouble on return the faces at which no valid map was found, where that was the reason
+  /// \param flat on return those at which edges that are kept hold quads flat, where that was the reason
   [[nodiscard]] Expected<MadeQuads> quads_of(const Connection<double>& connection, const FieldResult& field,
-                                             std::vector<Index>& trouble, Budget& budget) {
+                                             std::vector<Index>& trouble, std::vector<Index>& flat, Budget& budget) {
     context_.progress("map", 0.2);
     SpanTimer span(context_, "map", count_of(mesh_.face_count(), "triangle"));
     FrameField frames = field.frames;
@@ -237,6 +257,10 @@ class AttemptRun {
       frames = std::move(*sized);
     }
     if (context_.cancelled()) return cancelled_error("remesh");
+    Matching matching = field.matching;
+    if (options_.curl_rounds > 0)
+      if (Status status = reduce(connection, field.singularities, frames, matching, budget); !status)
+        return status.error();
     SeamlessOptions seamless;
     seamless.quads = shared_.quads;
     seamless.kept = piece_.kept;
@@ -244,7 +268,7 @@ class AttemptRun {
     seamless.accept_defects = true;
     seamless.solver = options_.solver;
     Expected<SeamlessMap> map =
-        seamless_map(mesh_, connection, frames, field.matching, field.singularities, seamless, context_, budget);
+        seamless_map(mesh_, connection, frames, matching, field.singularities, seamless, context_, budget);
     span.end();
     lap(result_.seconds.map);
     if (!map) return map.error();
@@ -256,6 +280,10 @@ class AttemptRun {
       trouble = map->report.trouble;
       return map_error(map->report.tries.back());
     }
+
+    // What the map is not straight along holds no vertices of quads.
+    for (std::size_t h = 0; h < piece_.kept.size(); ++h)
+      if (map->aligned[h] == Aligned::none) piece_.kept[h] = 0;
 
     strain_ = map->report.strain;
     const TriangleMesh<double>& surface = surface_mesh();
@@ -269,6 +297,7 @@ class AttemptRun {
     Expected<MadeQuads> made = quads.run();
     result_.seconds += quads.seconds;
     if (!quads.untangling_backend.empty()) backends.untangling = quads.untangling_backend;
+    flat = std::move(quads.flat);
     if (!made) return made;
     if (options_.keep_maps) {
       map_ = ComponentMap{mesh_, std::move(made->z), map->index4, EdgeMarks(map->cut.branch.size(), 0)};
@@ -310,6 +339,7 @@ class AttemptRun {
                                field.singularities.plus + field.singularities.minus,
                                field.report,
                                strain_,
+                               curl_,
                                std::move(map_)};
     if (farthest > covered_edges) {
       leave("a point " + std::to_string(farthest).substr(0, 4) + " edges of quads off them");
@@ -341,6 +371,7 @@ class AttemptRun {
   const SolverFactory<double> real_solver_ = options_.solver.factory<double>();
   AttemptResult result_;
   MapStrain strain_;             // of the map that came out
+  CurlReport curl_;              // of the field that it was made of
   std::vector<RimBand> bands_;   // along rims that get rings
   std::vector<FaceLoop> loops_;  // that quads are to close along
   std::optional<ComponentMap> map_;

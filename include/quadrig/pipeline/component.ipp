@@ -46,6 +46,28 @@ inline Index onto_surface(const TriangleMesh<double>& mesh, QuadMesh& quads) {
   return left;
 }
 
+/// Whether a surface is so thin beside an edge of quads that none fits round it, and most of it is in triangles as
+/// thin: maps of those seldom come out, and take long.
+inline bool is_needle(const TriangleMesh<double>& mesh, double edge) {
+  constexpr double thin = 0.125, sliver = 1000;  // edges of quads; longest side by height
+  double slivers = 0;
+  for (Index f = 0; f < mesh.face_count(); ++f) {
+    double longest = 0;
+    for (Index h = 3 * f; h < 3 * f + 3; ++h) longest = std::max(longest, mesh.edge_vector(h).squaredNorm());
+    if (longest > 2 * sliver * mesh.area(f)) slivers += mesh.area(f);
+  }
+  if (!(slivers > 0.5 * mesh.total_area())) return false;
+  const auto farthest = [&](const Vector3& from) {
+    Index found = 0;
+    (mesh.positions().rowwise() - from.transpose()).rowwise().squaredNorm().maxCoeff(&found);
+    return mesh.position(found);
+  };
+  const Vector3 end = farthest(mesh.position(0)), axis = (farthest(end) - end).normalized();
+  for (Index v = 0; v < mesh.vertex_count(); ++v)
+    if ((mesh.position(v) - end).cross(axis).norm() > 2 * thin * edge) return false;
+  return true;
+}
+
 /// One component up the ladder: attempts until there are good quads, else the best of them, else the split surface.
 class ComponentRemesher {
  public:
@@ -60,14 +82,15 @@ class ComponentRemesher {
     if (context_.cancelled()) return cancelled_error("remesh");
     if (Status status = cut_out(); !status.ok()) return status.error();
     if (std::optional<QuadMesh> few = few_triangles()) return finished(std::move(*few));
-    // Crumbs: a map of each would take longer than that of a surface as large as all of them.
-    constexpr std::size_t many_parts = 500;
-    if (shared_.parts > many_parts && quads_ <= least_quads) return split();
+    if (shared_.parts > of_all::crumbs && quads_ <= least_quads) return split();
+    const bool needle = is_needle(original_.asset.mesh, edge_);
+    if (needle && shared_.parts > of_all::needles) return split();
     const std::vector<Attempt> attempts = ladder(facts());
-    const Budget full(original_.asset.mesh.face_count(), proxy_faces(quads_));
+    const Budget full(original_.asset.mesh.face_count(), proxy_faces(quads_), shared_.parts);
+    const auto most_attempts = needle ? 1 : static_cast<std::size_t>(of_all::share(of_all::attempts, shared_.parts));
     Budget budget = full;
     std::vector<Tried> history;
-    while (const auto next = next_attempt(attempts, history)) {
+    for (std::optional<std::size_t> next; history.size() < most_attempts && (next = next_attempt(attempts, history));) {
       if (context_.cancelled()) return cancelled_error("remesh");
       const bool afresh = begins_afresh(attempts, history, *next);
       if (afresh) budget = full;
@@ -168,12 +191,17 @@ class ComponentRemesher {
                                edge_,
                                mirrored_ ? &*mirrored_->topology : nullptr,
                                number < attempts_with_rings};
-    Expected<AttemptResult> made = run_attempt(shared, attempt, std::move(*piece), afresh, !best_, context_, budget);
+    // Where features that nobody asked for spoil quads, those without deserve as much work.
+    const bool mend = !best_ || (best_unasked_ && !attempt.unasked);
+    Expected<AttemptResult> made = run_attempt(shared, attempt, std::move(*piece), afresh, mend, context_, budget);
     if (!made) return made.error();
     for (const std::string& reason : made->reasons) leave(attempt, reason);
     result_.seconds += made->seconds;
     take_over(made->backends);
-    if (made->found && (!best_ || worth(*made->found) > worth(*best_))) best_ = std::move(made->found);
+    if (made->found && (!best_ || worth(*made->found) > worth(*best_))) {
+      best_ = std::move(made->found);
+      best_unasked_ = attempt.unasked;
+    }
     return Tried{0, made->outcome, made->share_left, budget.left(Work::search)};
   }
 
@@ -247,6 +275,7 @@ class ComponentRemesher {
     result_.report.rung = best_->made.rung;
     result_.report.singularities = best_->singularities;
     result_.report.strain = best_->strain;
+    result_.report.curl = best_->curl;
     result_.field = std::move(best_->field);
     result_.map = std::move(best_->map);
     return finished(std::move(found));
@@ -291,6 +320,7 @@ class ComponentRemesher {
   double area_ = 0, edge_ = 0;  // of the surface, and of a square quad
   std::optional<Piece> stand_in_;
   std::optional<FoundQuads> best_;
+  bool best_unasked_ = false;  // with features that nobody asked for
 };
 
 QUADRIG_INLINE Expected<ComponentResult> remesh_component(const RemeshShared& shared, std::span<const Index> faces,

@@ -170,7 +170,7 @@ inline void release_acute(const TriangleMesh<double>& mesh, double reach, EdgeMa
   const auto line = [&](Index h) { return mesh.twin(h) == no_index || kept[at(h)]; };
   const auto angle = [&](Index h) {  // of its face at its origin
     const Vector3 u = mesh.edge_vector(h), w = -mesh.edge_vector(mesh.next(mesh.next(h)));
-    return std::atan2(u.cross(w).norm(), u.dot(w));
+    return elementary::atan2(u.cross(w).norm(), u.dot(w));
   };
   constexpr double room = 0.5;                    // edges of quads that lines must be apart where they end
   std::vector<std::pair<Index, double>> leaving;  // kept half-edges away from tips, and how far they are let go

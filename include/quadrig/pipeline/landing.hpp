@@ -33,7 +33,7 @@ class Landing {
     std::vector<double> angle(at(surface.vertex_count()), 0.0);
     for (Index h = 0; h < surface.halfedge_count(); ++h) {
       const Vector3 u = surface.edge_vector(h), w = -surface.edge_vector(3 * (h / 3) + (h + 2) % 3);
-      angle[at(surface.origin(h))] += std::atan2(u.cross(w).norm(), u.dot(w));
+      angle[at(surface.origin(h))] += elementary::atan2(u.cross(w).norm(), u.dot(w));
     }
     constexpr double missing = 0.4 * std::numbers::pi;  // of the full circle: a corner of a cube lacks half of π
     for (Index v = 0; v < surface.vertex_count(); ++v)

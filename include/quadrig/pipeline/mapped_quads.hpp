@@ -43,6 +43,7 @@ class MapQuads {
   StageSeconds seconds;
   std::string untangling_backend;
   std::vector<std::string> reasons;  ///< why earlier counts and rungs were left
+  std::vector<Index> flat;           ///< faces of the map's mesh under quads that stay flat, where that was the end
 
  private:
   [[nodiscard]] Expected<CoarseQuads> integers(IntegerSearch& search, double quads, double tolerance, double share);
@@ -52,6 +53,7 @@ class MapQuads {
   [[nodiscard]] Status vary(IntegerSearch& search, double count, MadeQuads& made);
   [[nodiscard]] Expected<MadeQuads> on_surface(ExtractedQuads extracted, Rung rung, std::vector<Complex> z);
   void polish_once(MadeQuads& made);
+  [[nodiscard]] std::vector<Index> under_flat(const QuadMesh& quads) const;
   void lap(double& into) {
     into += watch_.seconds();
     watch_ = {};

@@ -15,9 +15,27 @@ QUADRIG_INLINE Expected<MadeQuads> MapQuads::run() {
   context_.progress("quads", 0.8);
   Expected<MadeQuads> made = quads_of(search.coarse(), *found);
   if (!made) return made;
+  const auto stays_flat = [] { return map_error("coarse map: a quad stays flat or inverted in space"); };
+  // Edges that are kept through a flat quad hold it flat whatever the count: another map without them is cheaper.
+  if (!(made->least > sound)) flat = under_flat(made->quads);
+  if (!flat.empty()) return stays_flat();
   if (Status status = vary(search, found->integers.quads, *made); !status.ok()) return status.error();
-  if (!(made->least > sound)) return map_error("coarse map: a quad stays flat or inverted in space");
+  if (!(made->least > sound)) return stays_flat();
   return made;
+}
+
+/// The faces at corners of flat quads where edges that are kept run through these.
+QUADRIG_INLINE std::vector<Index> MapQuads::under_flat(const QuadMesh& quads) const {
+  std::vector<Index> faces;
+  if (surface_.kept.empty() || &surface_.mesh != &mesh_) return faces;
+  for (Index q = 0; q < quads.quad_count(); ++q) {
+    if (scaled_jacobian(quads.positions, quads.quads.row(q)) > sound && !turned_over(mesh_, quads, q)) continue;
+    for (int i = 0; i < 4; ++i) faces.push_back(quads.source[at(quads.quads(q, i))].face);
+  }
+  const std::vector<char> near = corners_of(mesh_, faces);
+  for (Index h = 0; h < mesh_.halfedge_count(); ++h)
+    if (surface_.kept[at(h)] && near[at(mesh_.origin(h))]) return faces;
+  return {};
 }
 
 /// \param share of the search that is left which may be spent

@@ -16,7 +16,7 @@ struct Piece {
   std::vector<SurfacePoint> source;
   /// Edges that must become edges of quads, or empty: none.
   EdgeMarks kept;
-  /// Of a half of a component: border edges that lie on the mirror plane. Not of a stand-in.
+  /// Of a half of a component: border edges that lie on the mirror plane.
   EdgeMarks mirror{};
 };
 
@@ -120,6 +120,27 @@ inline Status refine_piece(Piece& piece, double target, Index most, Context& con
   return {};
 }
 
+/// The border edges of a stand-in whose ends lie on marked border edges of the surface. \param source of each vertex
+[[nodiscard]] inline EdgeMarks border_marks_of(const TriangleMesh<double>& mesh, std::span<const SurfacePoint> source,
+                                               const TriangleMesh<double>& surface, const EdgeMarks& marked) {
+  constexpr double off = 1e-9;
+  std::vector<char> ends(at(surface.vertex_count()), 0);
+  for (Index h = 0; h < surface.halfedge_count(); ++h)
+    if (marked[at(h)]) ends[at(surface.origin(h))] = ends[at(surface.target(h))] = 1;
+  const auto lies_on = [&](Index v) {
+    const SurfacePoint& s = source[at(v)];
+    int corner = 0;
+    if (s.barycentric.maxCoeff(&corner) > 1 - off) return ends[at(surface.faces()(s.face, corner))] != 0;
+    for (int i = 0; i < 3; ++i)
+      if (marked[at(3 * s.face + i)] && s.barycentric[(i + 2) % 3] <= off) return true;
+    return false;
+  };
+  EdgeMarks marks(at(mesh.halfedge_count()), 0);
+  for (Index h = 0; h < mesh.halfedge_count(); ++h)
+    marks[at(h)] = mesh.twin(h) == no_index && lies_on(mesh.origin(h)) && lies_on(mesh.target(h));
+  return marks;
+}
+
 /// The piece on a stand-in of about `faces` faces. \fails as make_stand_in
 [[nodiscard]] inline Expected<Piece> stand_in_piece(const Piece& original, Index faces, Context& context) {
   const TriangleMesh<double>& surface = original.asset.mesh;
@@ -133,6 +154,8 @@ inline Status refine_piece(Piece& piece, double target, Index most, Context& con
     *made = {std::move(freed->mesh), std::move(source), std::move(kept)};
   }
   Piece piece{{std::move(made->mesh), std::nullopt}, {}, std::move(made->source), std::move(made->kept)};
+  if (!original.mirror.empty())
+    piece.mirror = border_marks_of(piece.asset.mesh, piece.source, surface, original.mirror);
   const OntoSurface onto(piece.asset.mesh, piece.source, piece.kept, surface, original.kept);
   for (Index f = 0; f < piece.asset.mesh.face_count(); ++f) {
     if (f % 1024 == 0 && context.cancelled()) return cancelled_error("stand-in");

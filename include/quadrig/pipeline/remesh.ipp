@@ -25,6 +25,7 @@ QUADRIG_INLINE Status RemeshOptions::validate() const {
   if (quads < 6) return bad("quads", "too few to close a surface", "give 6 or more");
   if (quads > 50'000'000) return bad("quads", "too many", "give at most 50000000");
   if (influences < 1) return bad("influences", "a vertex needs at least one", "give 1 or more");
+  if (curl_rounds < 0 || curl_rounds > 1000) return bad("curl_rounds", "out of range", "give 0 to 1000");
   if (loops.least < 0) return bad("loops.least", "negative", "give 0 or more");
   for (const LoopOptions::OfJoint& one : loops.of_joints)
     if (one.loops < 0 || one.name.empty())

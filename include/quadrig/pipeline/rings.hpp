@@ -12,7 +12,7 @@ inline constexpr double beside_rings = 0.75;  // edges of quads on either side o
 
 /// Rings that would take more than a share of the quads are let go.
 inline void let_go_without_room(Index quads, std::vector<RimReport>& rims) {
-  constexpr double most_of = 0.25, with_slope = 2;  // between the quads of the band and those of the rest
+  constexpr double most_of = 0.6, with_slope = 2;  // between the quads of the band and those of the rest
   double all = 0;
   for (const RimReport& rim : rims)
     if (rim.wanted > 0) all += with_slope * least_around(rim.rim.kind) * (rim.wanted + 2 * beside_rings);

@@ -185,7 +185,7 @@ class SizeMaker {
     for (Index f = 0; f < mesh_.face_count(); ++f) {
       const double off = (position(mesh_, SurfacePoint{f, Vector3::Constant(1.0 / 3)}) - middle).norm() / reach;
       const double share = std::clamp((faded - off) / (faded - whole), 0.0, 1.0);
-      sizes.density[at(f)] *= std::pow(options_.rims.face_density, share);
+      sizes.density[at(f)] *= elementary::pow(options_.rims.face_density, share);
     }
   }
 

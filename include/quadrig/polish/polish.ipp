@@ -2,6 +2,8 @@
 // and keep the move only where no quad around becomes worse than allowed.
 #pragma once
 
+#include <numbers>
+
 #include "quadrig/polish.hpp"
 
 namespace quadrig {
@@ -17,6 +19,7 @@ class Polisher {
     fixed_.assign(held.begin(), held.end());
     fixed_.resize(n, 0);
     open_.assign(n, 1);
+    if (!mesh.closed()) find_acute();
     if (mesh.closed() && kept.empty()) return;
     curves_.emplace(mesh, joined_marks(border_marks(mesh), kept), EdgeCurves::eighth);
     find_border();
@@ -110,6 +113,26 @@ class Polisher {
   };
 
   [[nodiscard]] Vector3 point(Index v) const { return quads_.positions.row(v).transpose(); }
+
+  /// A quad alone at a corner of the border can be no better than the corner: the sine of its angle is all there is.
+  void find_acute() {
+    best_.assign(at(quads_.quad_count()), 1);
+    for (Index v = 0; v < quads_.vertex_count(); ++v) {
+      if (corners_.at(v).size() != 1) continue;
+      const SurfacePoint& s = quads_.source[at(v)];
+      int corner = 0;
+      if (s.barycentric.maxCoeff(&corner) < 1 - 1e-9) continue;
+      double angle = 0;
+      for (const Index h : mesh_.around(mesh_.faces()(s.face, corner))) angle += mesh_.corner_angle(h);
+      if (angle >= std::numbers::pi / 2) continue;
+      double& best = best_[at(corners_.at(v)[0] / 4)];
+      best = std::min(best, std::max(elementary::sin(angle), 1e-9));
+    }
+  }
+  /// What a scaled Jacobian is of what there is.
+  [[nodiscard]] double of_best(double jacobian, Index q) const {
+    return best_.empty() || jacobian <= 0 ? jacobian : std::min(1.0, jacobian / best_[at(q)]);
+  }
 
   /// Border vertices of the quads slide along border half-edges of the mesh; corners of the border stay.
   void find_border() {
@@ -207,7 +230,7 @@ class Polisher {
     for (const Index k : corners_.at(v)) {
       const Index q = k / 4;
       const Eigen::Matrix<Index, 1, 4> quad = quads_.quads.row(q);
-      double j = scaled_jacobian(quads_.positions, quad);
+      double j = of_best(scaled_jacobian(quads_.positions, quad), q);
       const Vector3 n = (point(quad[2]) - point(quad[0])).cross(point(quad[3]) - point(quad[1]));
       if (j > turned && std::all_of(sides.begin(), sides.end(),
                                     [&](Index f) { return f == no_index || n.dot(mesh_.normal(f)) < -0.5 * n.norm(); }))
@@ -260,7 +283,8 @@ class Polisher {
         Place best = kept;
         for (int k = 0; k < 8; ++k) {
           const double angle = k * 0.78539816339744831;
-          const Place trial = project(v, center + radius * edge * (std::cos(angle) * x + std::sin(angle) * y));
+          const Place trial =
+              project(v, center + radius * edge * (elementary::cos(angle) * x + elementary::sin(angle) * y));
           put(v, trial);
           if (const double j = least(v); j > now + 1e-6) {
             now = j;
@@ -278,7 +302,7 @@ class Polisher {
   /// Scaled Jacobian of a quad; little where it is turned over, however even it is.
   [[nodiscard]] double quality(Index q) const {
     constexpr double turned = 0.06;
-    const double j = scaled_jacobian(quads_.positions, quads_.quads.row(q));
+    const double j = of_best(scaled_jacobian(quads_.positions, quads_.quads.row(q)), q);
     return j > turned && turned_over(mesh_, quads_, q) ? turned : j;
   }
   [[nodiscard]] std::pair<double, double> statistics() const {
@@ -296,6 +320,7 @@ class Polisher {
   QuadMesh& quads_;
   const QuadCorners corners_;
   std::optional<EdgeCurves> curves_;  // of the border and of what is kept
+  std::vector<double> best_;          // scaled Jacobian that a quad can have; empty: 1
   std::vector<Index> rail_;
   std::vector<char> fixed_;
   std::vector<char> open_;  // a flag a vertex: something beside it moved since it was last tried

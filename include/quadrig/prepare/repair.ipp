@@ -151,7 +151,7 @@ inline void pair_around(const Draft& work, std::span<const Side> edge, std::vect
   for (const Side& side : edge) {
     const auto f = static_cast<std::size_t>(side.halfedge / 3), i = static_cast<std::size_t>(side.halfedge % 3);
     const Vector3 d = work.at(work.faces[f][(i + 2) % 3]) - origin;
-    wings.push_back({std::atan2(d.dot(y_axis), d.dot(x_axis)), side.halfedge, work.faces[f][i] == side.low});
+    wings.push_back({elementary::atan2(d.dot(y_axis), d.dot(x_axis)), side.halfedge, work.faces[f][i] == side.low});
   }
   std::sort(wings.begin(), wings.end(), [](const Wing& a, const Wing& b) {
     return a.angle != b.angle ? a.angle < b.angle : a.halfedge < b.halfedge;

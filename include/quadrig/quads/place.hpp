@@ -27,7 +27,7 @@ class CoarsePlacement {
     const Complex offset = point.barycentric[(nearest + 1) % 3] * along + point.barycentric[(nearest + 2) % 3] * back;
     const Index v = coarse_.origin[at(h)];
     if (std::abs(offset) <= 1e-12 * std::abs(along)) return corner_point(mesh_.outgoing(v));
-    return trace(v, coarse_.direction[at(h)] + std::arg(offset / along), std::abs(offset));
+    return trace(v, coarse_.direction[at(h)] + elementary::arg(offset / along), std::abs(offset));
   }
 
  private:
@@ -37,7 +37,9 @@ class CoarsePlacement {
     return point;
   }
   [[nodiscard]] Complex z(Index h) const { return z_[static_cast<std::size_t>(h)]; }
-  [[nodiscard]] double angle(Index h) const { return std::arg((z(mesh_.prev(h)) - z(h)) / (z(mesh_.next(h)) - z(h))); }
+  [[nodiscard]] double angle(Index h) const {
+    return elementary::arg((z(mesh_.prev(h)) - z(h)) / (z(mesh_.next(h)) - z(h)));
+  }
 
   /// Straight from vertex v at an angle of its fan, for a length in the map.
   [[nodiscard]] SurfacePoint trace(Index v, double direction, double length) const {
@@ -63,7 +65,8 @@ class CoarsePlacement {
       sector = angle(h);
     }
     direction = std::min(direction, sector);
-    const Complex unit = std::polar(1.0, direction) * (z(mesh_.next(h)) - z(h)) / std::abs(z(mesh_.next(h)) - z(h));
+    const Complex unit =
+        elementary::polar(1.0, direction) * (z(mesh_.next(h)) - z(h)) / std::abs(z(mesh_.next(h)) - z(h));
     Complex from = z(h), to = from + length * unit;
     Index f = h / 3, entry = no_index;
     for (Index steps = 0; steps < 4 * mesh_.face_count(); ++steps) {

@@ -164,7 +164,7 @@ QUADRIG_INLINE Expected<DeformationFigures> deformation_error(const TriangleMesh
       const Vector3 fine_normal = detail::triangle_normal(fine, input.faces(), hit.face);
       const double cosine = detail::triangle_normal(posed, faces, there[k].face).dot(fine_normal);
       const double distance = unit * std::abs((p - hit.position).dot(fine_normal));
-      const double degrees = std::acos(std::clamp(cosine, -1.0, 1.0)) * 180 / std::numbers::pi;
+      const double degrees = elementary::acos(std::clamp(cosine, -1.0, 1.0)) * 180 / std::numbers::pi;
       figures.distance[k] = static_cast<float>(distance);
       if (!pose) rest_distance[k] = distance;
       figures.all.add(distance, degrees, rest_distance[k]);

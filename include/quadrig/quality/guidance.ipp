@@ -59,7 +59,7 @@ namespace detail {
 inline int winding(const std::vector<Vector3>& polygon, const Vector3& centre, const Vector3& axis) {
   const Vector3 x = axis.unitOrthogonal(), y = axis.cross(x);
   double turned = 0;
-  const auto angle = [&](const Vector3& p) { return std::atan2((p - centre).dot(y), (p - centre).dot(x)); };
+  const auto angle = [&](const Vector3& p) { return elementary::atan2((p - centre).dot(y), (p - centre).dot(x)); };
   for (std::size_t k = 0; k < polygon.size(); ++k) {
     const double step = angle(polygon[(k + 1) % polygon.size()]) - angle(polygon[k]);
     turned += std::remainder(step, 2 * std::numbers::pi);
@@ -109,7 +109,7 @@ QUADRIG_INLINE Expected<GuidanceFigures> guidance_figures(const TriangleMesh<dou
     const Vector3 along = tangent(rig.skeleton.bones[static_cast<std::size_t>(bone)].direction());
     const Vector3 e = tangent((mesh.positions.row(edge.high) - mesh.positions.row(edge.low)).transpose());
     if (!(along.norm() > options.least_projection) || !(e.norm() > 0)) continue;
-    const double angle = std::atan2(along.cross(e).norm(), std::abs(along.dot(e))) * 180 / std::numbers::pi;
+    const double angle = elementary::atan2(along.cross(e).norm(), std::abs(along.dot(e))) * 180 / std::numbers::pi;
     angles.push_back(std::min(angle, 90 - angle));
   }
   figures.bone_edges = static_cast<Index>(angles.size());

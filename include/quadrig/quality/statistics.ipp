@@ -100,7 +100,7 @@ QUADRIG_INLINE ShapeStatistics shape_statistics(const Points<double>& positions,
       const Vector3 next = p[(i + 1) % 4] - p[i], previous = p[(i + 3) % 4] - p[i];
       shortest = std::min(shortest, next.norm());
       longest = std::max(longest, next.norm());
-      const double angle = std::atan2(next.cross(previous).norm(), next.dot(previous));
+      const double angle = elementary::atan2(next.cross(previous).norm(), next.dot(previous));
       angles.push_back(std::abs(angle * 180 / std::numbers::pi - 90));
     }
     s.edge_ratio_mean += ratio(longest, shortest);

@@ -84,7 +84,7 @@ class MapDecimator {
       const Index start = h;
       do {
         direction_[at(h)] = angle;
-        angle += std::arg(-vector_[at(mesh.prev(h))] / vector_[at(h)]);
+        angle += elementary::arg(-vector_[at(mesh.prev(h))] / vector_[at(h)]);
         h = mesh.next_around(h);
       } while (h != no_index && h != start);
     }
@@ -249,7 +249,7 @@ class MapDecimator {
     corner_translation_[at(hn)] = taus[5];
     vector_[at(hn)] = -cd;
     aligned_[at(hn)] = Aligned::none;
-    direction_[at(hn)] = moved_[5].direction + std::arg(-cd / db);
+    direction_[at(hn)] = moved_[5].direction + elementary::arg(-cd / db);
     // hp: c → a stays.
     move(1, g, b, ks[3], taus[3]);  // b → c, from hn
     origin_[at(gn)] = c;            // c → d, new
@@ -257,7 +257,7 @@ class MapDecimator {
     corner_translation_[at(gn)] = taus[2];
     vector_[at(gn)] = cd;
     aligned_[at(gn)] = Aligned::none;
-    direction_[at(gn)] = moved_[2].direction + std::arg(cd / ca);
+    direction_[at(gn)] = moved_[2].direction + elementary::arg(cd / ca);
     // gp: d → b stays.
     glue(h, twins[4]);
     glue(g, twins[1]);
@@ -372,7 +372,7 @@ class MapDecimator {
     if (fr < k) {
       // Face (v, d, w): w → v leads, w → d follows by the corner's angle; as the twin's twin it is d → w reversed.
       const Index wv = prev(fan_[fr]);
-      right_direction = direction_[at(wv)] + std::arg(-vector_[at(next(fan_[fr]))] / vector_[at(wv)]);
+      right_direction = direction_[at(wv)] + elementary::arg(-vector_[at(next(fan_[fr]))] / vector_[at(wv)]);
     }
 
     std::vector<Complex> old_in(k);
@@ -391,7 +391,7 @@ class MapDecimator {
       if (aligned_[at(h)] == Aligned::u_constant) vector_[at(h)].real(0);
       if (aligned_[at(in)] == Aligned::v_constant) vector_[at(in)].imag(0);
       if (aligned_[at(in)] == Aligned::u_constant) vector_[at(in)].real(0);
-      direction_[at(in)] += std::arg(vector_[at(in)] / in_before);
+      direction_[at(in)] += elementary::arg(vector_[at(in)] / in_before);
     }
     // Directions of w → x: counter-clockwise from the left face, or (where there is none) clockwise from the right.
     if (fl < k) {
@@ -402,13 +402,13 @@ class MapDecimator {
         if (i == fr) break;
         const Index h = fan_[i];
         direction_[at(h)] = direction;
-        direction += std::arg(-vector_[at(prev(h))] / vector_[at(h)]);
+        direction += elementary::arg(-vector_[at(prev(h))] / vector_[at(h)]);
       }
     } else {
       double direction = right_direction;
       for (std::size_t i = fr; i-- > 0;) {
         const Index h = fan_[i];
-        direction -= std::arg(-vector_[at(prev(h))] / vector_[at(h)]);
+        direction -= elementary::arg(-vector_[at(prev(h))] / vector_[at(h)]);
         direction_[at(h)] = direction;
       }
     }

@@ -141,7 +141,7 @@ class IntegerEdges {
     double total = 0;
     Index e = start;
     do {
-      total += std::arg(to_field(-omega_[at(prev(e))]) * std::conj(to_field(omega_[at(e)])));
+      total += elementary::arg(to_field(-omega_[at(prev(e))]) * std::conj(to_field(omega_[at(e)])));
       e = map_.twin[at(prev(e))];
     } while (e != no_index && e != start);
     const double wanted = (on_border_[at(v)] ? 2 : 4) - index_[at(v)];

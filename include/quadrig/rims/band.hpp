@@ -177,7 +177,7 @@ class RimBandFinder {
     const Vector3 n = x.cross(mesh_.position(corners[2]) - mesh_.position(corners[0])).normalized(), y = n.cross(x);
     const auto fourth = [](std::complex<double> d) {
       const double size = std::abs(d);
-      return size > 0 ? std::pow(d / size, 4) : std::complex<double>(0);
+      return size > 0 ? integer_power(d / size, 4) : std::complex<double>(0);
     };
     const Vector3 turned = n.cross(across);
     // Near the rim its own direction, farther off that across the shortest way to it.
@@ -186,10 +186,11 @@ class RimBandFinder {
     const std::complex<double> sum =
         (1 - far_share) * fourth({t.dot(x), t.dot(y)}) + far_share * fourth({turned.dot(x), turned.dot(y)});
     const Vector3 wanted = far_share < 0.5 ? t : turned;
-    double angle = std::arg(sum) / 4;
-    const Vector3 arm = std::cos(angle) * x + std::sin(angle) * y;
+    double angle = elementary::arg(sum) / 4;
+    const elementary::SinCos turn = elementary::sincos(angle);
+    const Vector3 arm = turn.cos * x + turn.sin * y;
     if (std::abs(arm.dot(wanted)) < std::abs(n.cross(arm).dot(wanted))) angle += std::numbers::pi / 2;
-    if (std::abs(sum) > 0) beside.along = std::cos(angle) * x + std::sin(angle) * y;
+    if (std::abs(sum) > 0) beside.along = elementary::cos(angle) * x + elementary::sin(angle) * y;
     return beside;
   }
 

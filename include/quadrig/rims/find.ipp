@@ -18,7 +18,7 @@ namespace detail {
   std::vector<Vector3> directions;
   for (int k = 0; k < count; ++k) {
     const double z = 1 - (2 * k + 1.0) / count, r = std::sqrt(1 - z * z);
-    directions.emplace_back(r * std::cos(golden * k), r * std::sin(golden * k), z);
+    directions.emplace_back(r * elementary::cos(golden * k), r * elementary::sin(golden * k), z);
   }
   return directions;
 }

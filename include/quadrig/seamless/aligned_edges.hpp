@@ -51,33 +51,38 @@ class EdgeAligner {
     const Complex e = connection_.edge(h);
     const double along_u = std::abs((e * std::conj(d[turn])).real()) / std::abs(d[turn]);
     const double along_v = std::abs((e * std::conj(d[(turn + 1) % 4])).real()) / std::abs(d[(turn + 1) % 4]);
-    deviation = std::acos(std::min(1.0, std::max(along_u, along_v)));
+    deviation = elementary::acos(std::min(1.0, std::max(along_u, along_v)));
     return along_u >= along_v ? Aligned::v_constant : Aligned::u_constant;
   }
 
-  /// Where the field does not turn from one aligned edge to the next around the vertex, no quad would be between them:
-  /// the edge that it follows worse is released. Returns whether there was such a place.
+  /// Where the field does not turn from one aligned edge to the next around the vertex, no quad would be between them,
+  /// and where it turns once along edges that go straight on, one with three corners in a line: the edge that it
+  /// follows worse is released. Returns whether there was such a place.
   bool open_sector(Index v, const Matching& matching) {
     Index h = mesh_.outgoing(v);
     if (h == no_index) return false;
     const Index start = h;
     struct Spoke {
       Index halfedge;
-      double angle;
+      double turned;  // the field
+      double angle;   // the surface
     };
     std::vector<Spoke> spokes;
-    double turned = 0;
+    double turned = 0, angle = 0;
     do {
-      if (aligned_[at(h)] != Aligned::none) spokes.push_back({h, turned});
+      if (aligned_[at(h)] != Aligned::none) spokes.push_back({h, turned, angle});
       turned += mesh_.corner_angle(h) + matching.rho[at(mesh_.prev(h))];
+      angle += mesh_.corner_angle(h);
       const Index in = mesh_.prev(h);
       h = mesh_.next_around(h);
-      if (h == no_index) spokes.push_back({in, turned});  // the other end of the border
+      if (h == no_index) spokes.push_back({in, turned, angle});  // the other end of the border
     } while (h != no_index && h != start);
     if (spokes.size() < 2) return false;
-    if (h == start) spokes.push_back({spokes.front().halfedge, spokes.front().angle + turned});
+    if (h == start) spokes.push_back({spokes[0].halfedge, spokes[0].turned + turned, spokes[0].angle + angle});
     for (std::size_t k = 0; k + 1 < spokes.size(); ++k) {
-      if (spokes[k + 1].angle - spokes[k].angle > std::numbers::pi / 4) continue;
+      constexpr double quarter = std::numbers::pi / 2, widest = 11 * std::numbers::pi / 12;
+      const double quads = std::round((spokes[k + 1].turned - spokes[k].turned) / quarter);
+      if (quads > 0 && spokes[k + 1].angle - spokes[k].angle <= quads * widest) continue;
       const Index a = spokes[k].halfedge, b = spokes[k + 1].halfedge;
       const auto inside = [&](Index e) { return mesh_.twin(e) != no_index; };
       if (!inside(a) && !inside(b)) return false;

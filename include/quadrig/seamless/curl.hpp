@@ -1,9 +1,13 @@
 // How far a field of wanted parameter vectors is from being the gradient of a map.
 //
 // The mismatch of two faces along their common edge is no curl: it holds how the field changes along its own
-// direction, which integrates exactly. Here the derivative of the field on a face is taken from its three neighbours,
-// unfolded into the face's plane, and the antisymmetric part of it is the curl.
+// direction, which integrates exactly. Two ways here. On a face, the derivative is taken from its three neighbours,
+// unfolded into the face's plane, and the antisymmetric part of it is the curl: a row for `correct_log_scale`, but the
+// gradient of a map that is linear on each triangle has some, and thin triangles a lot. About a vertex, what the
+// field sums to along the edges opposite to it: none of either.
 #pragma once
+
+#include <span>
 
 #include "quadrig/mesh.hpp"
 #include "quadrig/seamless/gaussian.hpp"
@@ -82,6 +86,52 @@ void for_each_curl(const TriangleMesh<double>& mesh, const TargetEdges& edges, R
       found(f, c, sample[at(c)]);
     }
   }
+}
+
+/// Of both parameters about a vertex.
+struct VertexCurl {
+  double area = 0;                 ///< a third of the faces around it
+  std::array<double, 2> relative;  ///< |curl g| over the mean |g| there, in the chart of the first corner
+  /// Half-edges that leave the vertex, and the quarter turns from the first one's chart to that of each.
+  std::span<const std::pair<Index, int>> corners;
+};
+
+/// Calls found(curl) where the vertex is inside and no cone.
+template <class Found>
+void with_vertex_curl(const TriangleMesh<double>& mesh, const std::vector<std::int8_t>& rotation,
+                      const TargetEdges& edges, Index v, Found&& found) {
+  const Index start = mesh.outgoing(v);
+  if (start == no_index || mesh.on_boundary(v)) return;
+  std::vector<std::pair<Index, int>> corners;
+  int turn = 0;
+  Index h = start;
+  do {
+    corners.emplace_back(h, turn);
+    turn += rotation[at(mesh.prev(h))];
+    h = mesh.twin(mesh.prev(h));
+  } while (h != start);
+  if ((turn & 3) != 0) return;
+  Complex around = 0;
+  std::array<double, 2> size{0, 0};
+  double area = 0;
+  for (const auto& [corner, turned] : corners) {
+    const double face = mesh.area(TriangleMesh<double>::face_of(corner));
+    const Complex first = rotated(edges[at(corner)], -turned),
+                  opposite = rotated(edges[at(mesh.next(corner))], -turned);
+    around += opposite;
+    area += face;
+    // |g| of what grows by these along the two edges
+    const Vector3 a = mesh.edge_vector(corner), b = mesh.edge_vector(mesh.next(corner));
+    const auto steepness = [&](double x, double y) { return (x * b - y * a).norm() / 2; };
+    size[0] += steepness(first.real(), opposite.real());
+    size[1] += steepness(first.imag(), opposite.imag());
+  }
+  if (!(area > 0)) return;
+  // ∫ g × ∇φ over ∫ φ, φ the hat function; steepness is |g| times the area.
+  const std::array<double, 2> circulation{std::abs(around.real()), std::abs(around.imag())};
+  VertexCurl result{area / 3, {}, corners};
+  for (std::size_t c = 0; c < 2; ++c) result.relative[c] = 1.5 * circulation[c] / std::max(size[c], 1e-300);
+  found(result);
 }
 
 }  // namespace detail

@@ -100,7 +100,7 @@ class UvReader {
       const Index g = mesh_.twin(h);
       if (g == no_index || g < h) continue;
       const Complex here = edge(h), there = -edge(g);
-      const double turns = std::arg(there / here) / (std::numbers::pi / 2);
+      const double turns = elementary::arg(there / here) / (std::numbers::pi / 2);
       const int quarter = static_cast<int>(std::lround(turns));
       if (!(std::abs(there - rotated(here, quarter)) <= options_.tolerance * std::abs(here)))
         return bad("the map turns by " + std::to_string(std::lround(turns * 90)) + "° and changes lengths by " +
@@ -116,7 +116,7 @@ class UvReader {
   [[nodiscard]] Status find_cones() {
     std::vector<double> angle(at(mesh_.vertex_count()), 0.0);
     for (Index h = 0; h < mesh_.halfedge_count(); ++h)
-      angle[at(mesh_.origin(h))] += std::arg(-edge(mesh_.prev(h)) / edge(h));
+      angle[at(mesh_.origin(h))] += elementary::arg(-edge(mesh_.prev(h)) / edge(h));
     index4_.assign(angle.size(), 0);
     for (Index v = 0; v < mesh_.vertex_count(); ++v) {
       if (mesh_.outgoing(v) == no_index) continue;
@@ -139,7 +139,7 @@ class UvReader {
       const double off = std::min(std::abs(e.real()), std::abs(e.imag()));
       if (!(off <= options_.tolerance * std::abs(e)))
         return bad(std::string(border ? "a border edge" : "a kept edge") + " is " +
-                       std::to_string(std::lround(std::asin(off / std::abs(e)) * 180 / std::numbers::pi)) +
+                       std::to_string(std::lround(elementary::asin(off / std::abs(e)) * 180 / std::numbers::pi)) +
                        "° off the grid",
                    place(h), "make one coordinate constant along it");
       aligned_[at(h)] = std::abs(e.real()) >= std::abs(e.imag()) ? Aligned::v_constant : Aligned::u_constant;

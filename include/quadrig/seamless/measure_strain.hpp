@@ -25,8 +25,8 @@ namespace quadrig {
     const Complex d0 = z[at(3 * f + 1)] - z[at(3 * f)], d1 = z[at(3 * f + 2)] - z[at(3 * f + 1)];
     const Complex determinant = e0 * std::conj(e1) - e1 * std::conj(e0);
     const Complex a = (d0 * std::conj(e1) - d1 * std::conj(e0)) / determinant, b = (d1 * e0 - d0 * e1) / determinant;
-    turned[at(f)] = std::abs(std::arg(a)) * 180 / std::numbers::pi;
-    scaled[at(f)] = 0.5 * std::log(std::max(std::norm(a) - std::norm(b), 1e-300));
+    turned[at(f)] = std::abs(elementary::arg(a)) * 180 / std::numbers::pi;
+    scaled[at(f)] = 0.5 * elementary::log(std::max(std::norm(a) - std::norm(b), 1e-300));
     mean_scale += mesh.area(f) * scaled[at(f)];
   }
   mean_scale /= mesh.total_area();

@@ -47,7 +47,7 @@ inline Index defect_count(const MapDefects& defects) { return defects.flips + de
     if (!(area > 1e-12 * scale)) defects.flipped_faces.push_back(f);
     for (int i = 0; i < 3; ++i) {
       const Complex p = z[at(3 * f + i)], q = z[at(3 * f + (i + 1) % 3)], r = z[at(3 * f + (i + 2) % 3)];
-      cone[at(mesh.faces()(f, i))] += std::arg((r - p) * std::conj(q - p));
+      cone[at(mesh.faces()(f, i))] += elementary::arg((r - p) * std::conj(q - p));
     }
   }
   for (Index v = 0; v < mesh.vertex_count(); ++v) {

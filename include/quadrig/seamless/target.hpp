@@ -39,29 +39,34 @@ namespace quadrig {
   return area;
 }
 
-/// How far a field is from being the gradient of a map, by face: |curl g| / |g| of both line densities g, a number over
-/// a length; 0 where a face has fewer than two neighbours.
+/// How far a field is from being the gradient of a map: |curl g| / |g| of both line densities g, a number over a
+/// length. 0 where a map that is linear on each triangle has these gradients, and of second order in the size of even
+/// triangles where the field is sampled from the gradient of a smooth map.
 struct FieldCurl {
-  std::vector<std::array<double, 2>> of_face;
-  double mean = 0;     ///< over the area and both directions
-  double largest = 0;  ///< of a face
+  std::vector<std::array<double, 2>> of_face;  ///< of u and v: mean over its corners; 0 on the border and at cones
+  double mean = 0;                             ///< over the area and both directions
+  double largest = 0;                          ///< of a vertex
 };
 
+/// The curl about each vertex inside that is no cone: against its hat function, as exact as the field's samples are.
 /// \pre edges and rotation belong together: wanted vectors in charts, and the quarter turns between these
 /// \cost O(m)
 [[nodiscard]] inline FieldCurl target_curl(const TriangleMesh<double>& mesh, const std::vector<std::int8_t>& rotation,
                                            const TargetEdges& target) {
   using detail::at;
   FieldCurl curl{std::vector<std::array<double, 2>>(at(mesh.face_count()), {0, 0}), 0, 0};
-  detail::for_each_curl(
-      mesh, target, [&](Index h) { return rotation[at(h)]; },
-      [&](Index f, int component, const detail::CurlSample& sample) {
-        const double relative = std::abs(sample.curl) / std::max(sample.gradient.norm(), 1e-300);
-        curl.of_face[at(f)][at(component)] = relative;
-        curl.mean += mesh.area(f) * relative / 2;
+  double area = 0;
+  for (Index v = 0; v < mesh.vertex_count(); ++v)
+    detail::with_vertex_curl(mesh, rotation, target, v, [&](const detail::VertexCurl& about) {
+      area += about.area;
+      for (const auto& [corner, turn] : about.corners)
+        for (int c = 0; c < 2; ++c) curl.of_face[at(corner / 3)][at(c)] += about.relative[at((c + turn) & 1)] / 3;
+      for (const double relative : about.relative) {
+        curl.mean += about.area * relative / 2;
         curl.largest = std::max(curl.largest, relative);
-      });
-  if (const double area = mesh.total_area(); area > 0) curl.mean /= area;
+      }
+    });
+  if (area > 0) curl.mean /= area;
   return curl;
 }
 

@@ -113,11 +113,11 @@ QUADRIG_INLINE Expected<CorrectedTarget> correct_log_scale(const TriangleMesh<do
     }
   std::nth_element(all.begin(), all.begin() + static_cast<std::ptrdiff_t>(all.size() / 2), all.end());
   if (context.cancelled()) return cancelled_error("seamless map");
-  const double median = all[all.size() / 2], bound = std::log(options.largest);
+  const double median = all[all.size() / 2], bound = elementary::log(options.largest);
   for (Index h = 0; h < 3 * m; ++h) {
     const auto& [a, b] = correction[at(h / 3)];
-    target[at(h)] = {target[at(h)].real() * std::exp(std::clamp(a - median, -bound, bound)),
-                     target[at(h)].imag() * std::exp(std::clamp(b - median, -bound, bound))};
+    target[at(h)] = {target[at(h)].real() * elementary::exp(std::clamp(a - median, -bound, bound)),
+                     target[at(h)].imag() * elementary::exp(std::clamp(b - median, -bound, bound))};
   }
   if (context.cancelled()) return cancelled_error("seamless map");
   return CorrectedTarget{std::move(target), solver->description()};

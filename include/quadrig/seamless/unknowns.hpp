@@ -65,17 +65,22 @@ class MapUnknowns {
     const Error contradiction{ErrorCode::stage_failed, "the constraints of the seamless map contradict each other",
                               "seamless map", "relax the feature edges"};
 
-    // The gauge: translations of the whole map.
-    Index origin = no_index;
-    for (Index v = 0; v < n && origin == no_index; ++v)
-      if (index[at(v)] != 0 && mesh.outgoing(v) != no_index) origin = v;
+    // The gauge: translations of each component as a whole.
+    const Components components_of = face_components(mesh);
+    std::vector<Index> origin(at(components_of.count), no_index);
+    const auto component = [&](Index v) { return at(components_of.of_face[at(mesh.outgoing(v) / 3)]); };
+    const auto offer = [&](Index v) {
+      if (mesh.outgoing(v) != no_index && origin[component(v)] == no_index) origin[component(v)] = v;
+    };
+    for (Index v = 0; v < n; ++v)
+      if (index[at(v)] != 0) offer(v);
     if constexpr (components == 2)
-      for (Index h = 0; h < mesh.halfedge_count() && origin == no_index; ++h)
-        if (aligned[at(h)] != Aligned::none) origin = mesh.origin(h);
-    for (Index v = 0; v < n && origin == no_index; ++v)
-      if (mesh.outgoing(v) != no_index) origin = v;
-    for (int c = 0; c < components; ++c)
-      if (!result.elimination_.add(result.project({{origin, {1, 0}}}, c))) return contradiction;
+      for (Index h = 0; h < mesh.halfedge_count(); ++h)
+        if (aligned[at(h)] != Aligned::none) offer(mesh.origin(h));
+    for (Index v = 0; v < n; ++v) offer(v);
+    for (const Index v : origin)
+      for (int c = 0; c < components; ++c)
+        if (!result.elimination_.add(result.project({{v, {1, 0}}}, c))) return contradiction;
 
     // Once around each node, leaves of the cut first so that expressions stay short.
     std::vector<Index> open(cut.closings.size());

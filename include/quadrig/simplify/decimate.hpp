@@ -108,7 +108,7 @@ class Decimator {
     marks_.assign(n, 0);
     faces_.resize(m);
     alive_ = mesh.face_count();
-    unit_cost_ = (uniformity + 0.02) * std::pow(width, 4) / 2;
+    unit_cost_ = (uniformity + 0.02) * (width * width) * (width * width) / 2;
     noise_ = 1e-4 * width;
     if (context.cancelled()) return;
     std::vector<std::size_t> valence(n, 0);

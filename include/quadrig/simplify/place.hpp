@@ -288,7 +288,7 @@ class SplitPlacer {
     for (const double radius : {0.15, 0.3, 0.5})
       for (int k = 0; k < 8; ++k) {
         const double angle = k * 0.78539816339744831;
-        const Vector3 p = here + radius * reach * (std::cos(angle) * x + std::sin(angle) * y);
+        const Vector3 p = here + radius * reach * (elementary::cos(angle) * x + elementary::sin(angle) * y);
         if (try_place(v, nearest(v, p))) return true;
       }
     // Where the surface bends away under the polygon: between here and the vertices around.
@@ -376,7 +376,7 @@ class SplitPlacer {
     for (int k = 0; k < 8; ++k) {
       const double angle = k * 0.78539816339744831;
       const SurfaceHit hit =
-          walk_closest(mesh_, here + radius * reach * (std::cos(angle) * x + std::sin(angle) * y), start);
+          walk_closest(mesh_, here + radius * reach * (elementary::cos(angle) * x + elementary::sin(angle) * y), start);
       vertex.goal = hit;
       vertex.position = quadrig::position(mesh_, hit);
       if (const double least = least_around(u); least > now) {

@@ -233,7 +233,7 @@ template <class K>
   using Real = real_of<K>;
   const Index n = A.size();
   const std::vector<Real> diagonal = A.diagonal();
-  const Real threshold = static_cast<Real>(0.08 * std::pow(0.5, depth));
+  const Real threshold = static_cast<Real>(std::ldexp(0.08, -depth));
   // Beside the strongest of either unknown: so that groups grow where errors stay smooth, at any number of neighbours.
   constexpr Real share = Real(0.5);
   const std::vector<char> across = kept.empty() ? std::vector<char>() : across_jumps<K>(A, kept, diagonal);

@@ -156,7 +156,7 @@ class Dissection {
     for (std::size_t v = 0; v < ranked.size(); ++v)
       ranked[v] = static_cast<std::int64_t>(along(piece.place[v], chosen)) * (std::int64_t{1} << 32) +
                   static_cast<std::int64_t>(v);
-    const double slack = std::min(0.25, options_.slack * std::pow(1e4 / n, 0.25));
+    const double slack = std::min(0.25, options_.slack * std::sqrt(std::sqrt(1e4 / n)));
     const auto low = static_cast<std::ptrdiff_t>((0.5 - slack) * n);
     const auto high = static_cast<std::ptrdiff_t>((0.5 + slack) * n);
     std::nth_element(ranked.begin(), ranked.begin() + low, ranked.end());

@@ -16,7 +16,7 @@ inline constexpr Index front_deep = 64;
 
 #if defined(__GNUC__)
 /// Tiles of target −= left · rightᴴ in vectors of `bytes` bytes. Each entry is summed over the depth in its own order
-/// and by the same operations whatever the width, so that every processor gives the same bits, but where it fuses.
+/// and by the same operations whatever the width, so that every processor gives the same bits.
 template <class K, int bytes>
 struct FrontTile {
   using Real = real_of<K>;
@@ -193,7 +193,7 @@ struct Front {
   static void trapezoid(const K* left, Index left_stride, Index depth, K* target, Index stride, Index rows,
                         Index count) {
 #if defined(__GNUC__)
-    run_best<Real>([=]<int bytes>(VectorBytes<bytes>) QUADRIG_INTO_CALLER_LAMBDA {
+    run_best([=]<int bytes>(VectorBytes<bytes>) QUADRIG_INTO_CALLER_LAMBDA {
       FrontTile<K, bytes>::trapezoid(left, left_stride, depth, target, stride, rows, count);
     });
 #else

@@ -115,7 +115,7 @@ class Substitution {
 template <class K>
 void substitute(const SymbolicFactor& symbolic, const K* panels, K* y, const Context* context) {
   Substitution<K> pass(symbolic, panels, y);
-  run_best<real_of<K>>([&pass, context](auto) QUADRIG_INTO_CALLER_LAMBDA { pass.run(context); });
+  run_best([&pass, context](auto) QUADRIG_INTO_CALLER_LAMBDA { pass.run(context); });
 }
 
 }  // namespace quadrig::detail

@@ -245,13 +245,12 @@ void substitute_by_tree(const SymbolicFactor& symbolic, std::span<const Index> r
   const TreeSubstitution<K> pass(symbolic, panels, y, context);
   const auto forward = [&](Index first, Index last, SubstitutionStack<K>& stack) {
     bool done = false;
-    run_best<real_of<K>>([&pass, &stack, &done, first, last](auto)
-                             QUADRIG_INTO_CALLER_LAMBDA { done = pass.forward(first, last, stack); });
+    run_best([&pass, &stack, &done, first, last](auto)
+                 QUADRIG_INTO_CALLER_LAMBDA { done = pass.forward(first, last, stack); });
     return done;
   };
   const auto backward = [&](Index first, Index last, SubstitutionStack<K>& stack) {
-    run_best<real_of<K>>([&pass, &stack, first, last](auto)
-                             QUADRIG_INTO_CALLER_LAMBDA { pass.backward(first, last, stack); });
+    run_best([&pass, &stack, first, last](auto) QUADRIG_INTO_CALLER_LAMBDA { pass.backward(first, last, stack); });
   };
   const auto each_subtree = [&](auto&& body) {
     std::atomic<std::size_t> next{0};

@@ -218,7 +218,7 @@ class MirrorSearch {
       if (const auto next = best_plane(vertex_pairs(plane))) take(*next);
     Eigen::Index axis = 0;
     plane.normal.cwiseAbs().maxCoeff(&axis);
-    if (std::abs(plane.normal[axis]) < std::cos(MirrorPolicy::upright * std::numbers::pi / 180)) return;
+    if (std::abs(plane.normal[axis]) < elementary::cos(MirrorPolicy::upright * std::numbers::pi / 180)) return;
     MirrorPlane upright = through(plane.offset / plane.normal[axis] * Vector3::Unit(axis), Vector3::Unit(axis));
     for (const double offset : {0.0, upright.offset}) {
       upright.offset = offset;

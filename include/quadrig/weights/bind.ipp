@@ -166,7 +166,7 @@ inline Eigen::MatrixXd falloff(const Eigen::MatrixXd& distances, double length, 
     for (Index b = 0; b < distances.cols(); ++b) {
       if (!std::isfinite(distances(v, b))) continue;
       const double lambda = std::max(distances(v, b), 0.5 * side) / length;
-      weights(v, b) = std::pow(lambda, -power);
+      weights(v, b) = elementary::pow(lambda, -power);
       sum += weights(v, b);
     }
     if (sum > 0) weights.row(v) /= sum;
@@ -222,7 +222,7 @@ inline VoxelBody body_of(const TriangleMesh<double>& mesh, const Skeleton& skele
   constexpr Index least = 8;
   for (;;) {
     VoxelBody body(mesh, skeleton, resolution);
-    const double finer = std::cbrt(most / static_cast<double>(std::max<std::size_t>(body.body_count(), 1)));
+    const double finer = elementary::cbrt(most / static_cast<double>(std::max<std::size_t>(body.body_count(), 1)));
     if (resolution == least || finer > 0.95) return body;
     resolution = std::max(least, static_cast<Index>(std::min(0.98 * finer, 0.9) * resolution));
   }
