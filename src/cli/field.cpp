@@ -79,7 +79,7 @@ Status field(const FieldCommand& options, Session& session) {
   FileSet files;
   if (Status status = declare(files, options.input, {options.output, options.report}); !status) return status;
   const std::string extension = options.output.extension().string();
-  if (!options.output.empty() && extension != ".obj" && extension != ".rawfield")
+  if (!options.output.empty() && !goes_to(options.output, ".obj") && extension != ".rawfield")
     return Error{ErrorCode::bad_option, "is no format for fields", options.output.string(),
                  "name an .obj (lines to look at) or a .rawfield (vectors, as Directional reads them)"};
   const Expected<FieldPreset> preset = field_preset(options.preset);
