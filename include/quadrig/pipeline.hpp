@@ -30,12 +30,12 @@ struct OwnTerms {
   std::vector<AnyTerm<Complex>> x0, x1;
 };
 
-/// Where the directions of the quads come from, besides smoothness. The thesis preset ignores the weights and rejects
-/// own directions.
+/// Where the directions of the quads come from, besides smoothness. The thesis preset rejects own directions.
 struct DirectionOptions {
   std::optional<double> bones;      ///< pull of the bones; unset: the preset's
   std::optional<double> curvature;  ///< pull of the rest curvature; unset: the preset's
   double posed = 0;                 ///< pull of the posed curvature metric
+  std::vector<Pose> bone_poses;     ///< in which bones give directions, averaged; empty: at rest
   /// Directions on some faces, or, as `face_directions` makes them of a field, on all.
   std::vector<FaceDirection> own;
   /// Asked for terms on each triangulation that a field is designed on, from any thread: the mesh, its connection, and

@@ -17,7 +17,7 @@ struct RemeshCommand {
   std::string creases = "flats";
   std::filesystem::path output, report, weights_out, quads_out, map_out;
   bool binary_weights = false;
-  std::string poses = "bends";
+  std::string poses = "bends", directions = "rest";
   std::vector<Index> quads;
   GltfSelection selection;
   bool source_map = false, seams = true, force = false;
@@ -137,6 +137,7 @@ Json options_json(const RemeshCommand& o) {
   json["solver"] = o.remesh.solver.name;
   if (is_gltf(o.input.files.mesh)) {
     json["poses"] = o.poses;
+    json["directions"] = o.directions;
     json["select"] = o.selection.names;
     json["all"] = o.selection.unskinned;
     json["source_map"] = o.source_map;
@@ -214,13 +215,13 @@ Status remesh_files(RemeshCommand options, Session& session) {
   if (gltf && (!weights_out.empty() || !input.files.rig.empty()))
     return Error{ErrorCode::bad_option, "a glTF file has its rig and weights within", input.files.mesh.string(),
                  "leave out --rig, --weights and --weights-out"};
-  if (!gltf &&
-      (!options.quads_out.empty() || options.poses != "bends" || options.source_map || options.selection.unskinned ||
-       !options.selection.names.empty() || !options.seams || options.topology != "best" || options.normals != "auto"))
-    return Error{
-        ErrorCode::bad_option,
-        "--quads-out, --poses, --select, --all, --source-map, --no-seams, --topology and --normals are for glTF files",
-        input.files.mesh.string(), "leave them out"};
+  if (!gltf && (!options.quads_out.empty() || options.poses != "bends" || options.source_map ||
+                options.selection.unskinned || options.directions != "rest" || !options.selection.names.empty() ||
+                !options.seams || options.topology != "best" || options.normals != "auto"))
+    return Error{ErrorCode::bad_option,
+                 "--quads-out, --poses, --directions, --select, --all, --source-map, --no-seams, --topology and "
+                 "--normals are for glTF files",
+                 input.files.mesh.string(), "leave them out"};
   if (!options.quads_out.empty() && !goes_to(options.quads_out, ".obj"))
     return Error{ErrorCode::bad_option, "quads can only be written as OBJ", options.quads_out.string(),
                  "give a name that ends in .obj"};
@@ -292,6 +293,7 @@ Status remesh_files(RemeshCommand options, Session& session) {
     job.options.prepare = input.load.prepare;
     job.options.selection = options.selection;
     job.options.pose_source = options.poses == "clips" ? GltfPoses::clips : GltfPoses::bends;
+    job.options.clip_directions = options.directions == "clips";
     job.options.source_map = options.source_map;
     job.options.snap_seams = options.seams;
     // The thesis's method is that of a field.
@@ -655,6 +657,12 @@ void add_remesh(CLI::App& app, Run& run) {
       ->capture_default_str()
       ->type_name("ANGLE")
       ->group(sizes);
+  verb->add_option("--directions", options->directions,
+                   "Of a glTF file: bones give directions at rest, or averaged over the poses of its clips, where the "
+                   "rest pose is bad")
+      ->check(CLI::IsMember({"rest", "clips"}))
+      ->option_text("rest|clips = rest")
+      ->group(edges);
   verb->add_option("--poses", options->poses, "Of a glTF file: bend every joint, or sample its own clips")
       ->check(CLI::IsMember({"bends", "clips"}))
       ->option_text("bends|clips = bends")

@@ -151,6 +151,10 @@ inline Status check_request(const Asset& asset, const RemeshOptions& options) {
   if (options.preset == FieldPreset::thesis && (!options.directions.own.empty() || options.directions.terms))
     return Error{ErrorCode::bad_option, "the thesis preset takes no directions of the caller's", "preset",
                  "use default"};
+  for (const Pose& pose : options.directions.bone_poses)
+    if (!asset.rig || pose.size() != asset.rig->skeleton.bones.size())
+      return Error{ErrorCode::bad_option, std::to_string(pose.size()) + " transforms", "directions.bone_poses",
+                   asset.rig ? "give one a bone, " + std::to_string(asset.rig->skeleton.bones.size()) : "give a rig"};
   if (options.group_borders && !asset.rig)
     return Error{ErrorCode::bad_option, "vertex groups are the columns of skin weights", "group_borders", "give a rig"};
   if (options.preset == FieldPreset::thesis && !asset.rig)
