@@ -253,7 +253,7 @@ class BorderFill {
 
   [[nodiscard]] Vector3 to(Index v, Index w) const { return mesh_.position(w) - mesh_.position(v); }
   [[nodiscard]] static double angle(const Vector3& a, const Vector3& b) {
-    return std::atan2(a.cross(b).norm(), a.dot(b));
+    return elementary::atan2(a.cross(b).norm(), a.dot(b));
   }
 
   /// How much more the border turns to and fro about a vertex than it turns on.
