@@ -204,6 +204,13 @@ TEST_CASE("formats: every variant of a surface file gives the same mesh", "[io][
       REQUIRE(mesh);
       CHECK(mesh->vertex_count() == 4);
       CHECK(mesh->polygon_count() == 4);
+      // Without an extension it is known by how it begins.
+      std::ofstream(folder / "surface", std::ios::binary) << variant.bytes;
+      const Expected<PolygonMesh> unnamed = read_surface(folder / "surface", {}, context);
+      INFO((unnamed ? std::string() : unnamed.error().message()));
+      REQUIRE(unnamed);
+      CHECK(unnamed->positions == mesh->positions);
+      CHECK(unnamed->corners == mesh->corners);
       const Expected<Prepared> prepared = prepare(*mesh, nullptr, {}, context);
       REQUIRE(prepared);
       CHECK(prepared->mesh.closed());
@@ -227,6 +234,8 @@ TEST_CASE("formats: what no reader reads is named with a way out", "[io][formats
     CHECK(text.find(part) != std::string::npos);
   };
   has(fault("a.3mf", "PK"), "convert it to .stl");
+  has(fault("a", "PK"), "convert it to .stl");
+  has(fault("a", "a letter"), "begins like no surface format");
   has(fault("a.stl", std::string(80, ' ') + "\1"), "84 bytes");
   has(fault("a.stl", std::string(80, ' ') + std::string("\xFF\xFF\xFF\x7F", 4)), "more than the file can hold");
   has(fault("a.stl", "solid\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nendloop\n"), "a loop of 2 vertices");

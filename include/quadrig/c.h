@@ -199,6 +199,7 @@ typedef struct quadrig_options {
   const uint32_t* joint_loops;    /* rings round these; the last name that fits counts */
   size_t fit;                     /* quadrig_fit_default; quadrig_unsupported: subdivision where it was left out */
   size_t rings;                   /* round eyes and mouth, of what has a rig, where the count allows: 3 */
+  size_t clip_directions;         /* glTF; not 0: bones give directions in the poses of the clips, averaged */
   size_t curl_rounds;             /* of moving directions and sizes towards those of a map: 0; docs/curl.md */
 } quadrig_options;
 

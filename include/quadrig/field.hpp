@@ -20,9 +20,9 @@ enum class FieldPreset : std::uint8_t {
 [[nodiscard]] Expected<FieldPreset> field_preset(std::string_view name);
 [[nodiscard]] std::string_view field_preset_name(FieldPreset preset);
 
-/// Everything not set takes the preset's value. The thesis preset reads `solver`, `own_solver` and `limits`
-/// alone. Scalar is that of
-/// the mesh: of own terms and solvers, nothing else.
+/// Everything not set takes the preset's value. The thesis preset has neither smoothing nor merging, and the densities
+/// of its roots; borders, creases, features and fixed directions are held there too, with the lengths that bones ask
+/// for. Scalar is that of the mesh: of own terms and solvers, nothing else.
 template <class Scalar>
 struct BasicFieldOptions {
   using K = std::complex<Scalar>;
@@ -46,6 +46,9 @@ struct BasicFieldOptions {
   std::optional<double> curvature_weight{};
   /// Curvature is averaged over this fraction of the square root of the area of its component, > 0.
   double curvature_length = 0.015;
+
+  /// Poses in which directions are taken from the bones, and averaged; empty: at rest.
+  std::vector<Pose> bone_poses{};
 
   /// Targets of the caller's own, added to the preset's: one entry a face.
   std::optional<PolyVectorTargets> targets{};

@@ -43,6 +43,9 @@ struct GltfRemeshOptions {
   std::vector<NamedFactor> bone_density, material_density;
   bool density_colors = false;
   GltfPoses pose_source = GltfPoses::bends;
+  /// Directions from bones in the poses of the file's clips, averaged, instead of at rest
+  /// (DirectionOptions::bone_poses).
+  bool clip_directions = false;
   Index most_poses = 64;  ///< of clips
   /// Shells that are due fewer quads are given no field.
   double least_shell_quads = 6;

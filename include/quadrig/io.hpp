@@ -45,7 +45,8 @@ struct FileLimits {
 /// Stereolithography, as text or little-endian bytes; corners at one position are one vertex, normals are passed over.
 [[nodiscard]] Expected<PolygonMesh> read_stl(const std::filesystem::path& path, const FileLimits& limits,
                                              Context& context);
-/// By the file's extension, .obj, .off, .ply or .stl, in any case. \fails unsupported on another.
+/// By the file's extension, .obj, .off, .ply or .stl, in any case, and by how it begins where it has none.
+/// \fails unsupported on another
 [[nodiscard]] Expected<PolygonMesh> read_surface(const std::filesystem::path& path, const FileLimits& limits,
                                                  Context& context);
 
@@ -98,6 +99,8 @@ class FileSet {
  public:
   /// Files that a document names beside an output may replace others with other bytes.
   bool replaces_beside = false;
+  /// The name `-` stands for standard output, which `commit` writes in one go, before all files.
+  bool standard_output = false;
 
   FileSet() = default;
   ~FileSet() = default;
@@ -124,6 +127,8 @@ class FileSet {
                                   std::string contents);
   /// One with the same declarations, to find out what would be refused; it is not to be committed.
   [[nodiscard]] FileSet trial() const;
+  /// Whether an output is standard output.
+  [[nodiscard]] bool uses_standard_output() const;
   /// \fails bad_file; then every file is as it was
   [[nodiscard]] Status commit();
 
@@ -133,6 +138,8 @@ class FileSet {
     std::optional<std::string> contents;
     bool device = false;
   };
+  [[nodiscard]] std::vector<std::string> keys_of(const std::filesystem::path& path) const;
+  [[nodiscard]] bool is_stream(const std::filesystem::path& path) const { return standard_output && path == "-"; }
   [[nodiscard]] const Entry* entry_at(const std::vector<std::string>& keys) const;
 
   std::vector<Entry> entries_;

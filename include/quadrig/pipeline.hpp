@@ -30,12 +30,12 @@ struct OwnTerms {
   std::vector<AnyTerm<Complex>> x0, x1;
 };
 
-/// Where the directions of the quads come from, besides smoothness. The thesis preset ignores the weights and rejects
-/// own directions.
+/// Where the directions of the quads come from, besides smoothness. The thesis preset rejects own directions.
 struct DirectionOptions {
   std::optional<double> bones;      ///< pull of the bones; unset: the preset's
   std::optional<double> curvature;  ///< pull of the rest curvature; unset: the preset's
   double posed = 0;                 ///< pull of the posed curvature metric
+  std::vector<Pose> bone_poses;     ///< in which bones give directions, averaged; empty: at rest
   /// Directions on some faces, or, as `face_directions` makes them of a field, on all.
   std::vector<FaceDirection> own;
   /// Asked for terms on each triangulation that a field is designed on, from any thread: the mesh, its connection, and
@@ -143,6 +143,11 @@ struct RemeshOptions {
   Index curl_rounds = 0;
   LoopOptions loops;  ///< of the standard preset, where there is a rig
   RimOptions rims;    ///< not of the thesis preset
+  /// Holes and open ends at most so long around are closed; units of the mesh.
+  double fill_holes = 0;
+  /// Every hole and notch of the border is followed, however small. Else those smaller than a quad are not: notches are
+  /// bridged, and for each hole one quad is left out. Always so in the thesis preset and beside `directions.terms`.
+  bool exact_borders = false;
   PolishOptions polish;
   FitOptions fit;
   bool keep_maps = false;  ///< RemeshResult::maps
@@ -246,6 +251,15 @@ struct RimReport {
   double edge = 0;      ///< of the quads beside the rim, as asked for; a length
 };
 
+/// Gaps of the surface that the quads do not follow.
+struct GapReport {
+  Index notches = 0;       ///< triangles that bridge a ragged border
+  double notch_share = 0;  ///< their area, of that of the surface
+  Index holes_filled = 0;  ///< for RemeshOptions::fill_holes
+  Index holes_cut = 0;     ///< smaller than a quad: a quad was left out, or a hole cut into one
+  Index holes_closed = 0;  ///< likewise, where there was no room for that
+};
+
 struct RemeshReport {
   Index quads = 0, vertices = 0, irregular = 0;
   double scaled_jacobian_average = 0, scaled_jacobian_minimum = 0;
@@ -260,6 +274,7 @@ struct RemeshReport {
   std::vector<HingeReport> hinges;  ///< where there is a rig
   std::vector<RimReport> rims;      ///< where openings were looked for
   SymmetryReport symmetry;
+  GapReport gaps;
 };
 
 /// Puts the hinges of a result, and what was wanted of them, into its report.
@@ -308,6 +323,7 @@ struct UnfittedQuads {
   std::vector<ComponentMap> maps;
   /// Of each vertex its mirror twin, itself on the plane (RemeshReport::symmetry); empty: none has one.
   std::vector<Index> twin;
+  Index holes = 0;                                       ///< that the quads have and the surface has not
   SlideTargets targets;                                  ///< what FitMethod::slide goes by
   std::shared_ptr<const Connection<double>> connection;  ///< of the asset's mesh; `targets` refers to it
 };
@@ -334,6 +350,7 @@ struct UnfittedQuads {
 #include "quadrig/pipeline/attempt.ipp"
 #include "quadrig/pipeline/component.ipp"
 #include "quadrig/pipeline/finish.ipp"
+#include "quadrig/pipeline/gaps.ipp"
 #include "quadrig/pipeline/hinges.ipp"
 #include "quadrig/pipeline/mapped_quads.ipp"
 #include "quadrig/pipeline/remesh.ipp"

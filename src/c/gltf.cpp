@@ -30,6 +30,7 @@ Expected<quadrig_status> remesh_document(quadrig_job* job, GltfDocument& documen
   own.remesh = *remesh;
   own.prepare.strict = options->strict != 0;
   own.pose_source = options->clips ? GltfPoses::clips : GltfPoses::bends;
+  own.clip_directions = options->clip_directions != 0;
   own.source_map = options->source_map != 0;
   own.keep_materials = (options->keep & quadrig_keep_materials) != 0;
   own.keep_textures = (options->keep & quadrig_keep_textures) != 0;

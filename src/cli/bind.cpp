@@ -18,7 +18,7 @@ Status bind(const BindCommand& options, Session& session) {
   if (is_gltf(input.files.mesh))
     return Error{ErrorCode::bad_option, "a glTF file has its weights within", input.files.mesh.string(),
                  "give an .obj, .off, .ply or .stl"};
-  if (options.output.extension() != ".dmat")
+  if (!goes_to(options.output, ".dmat"))
     return Error{ErrorCode::bad_option, "weights are written as DMAT alone", options.output.string(),
                  "name a .dmat file"};
   FileSet files;

@@ -6,6 +6,7 @@
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
+#include <vector>
 
 #include "io/estimate.hpp"
 #include "version.hpp"
@@ -26,6 +27,73 @@ void Session::begin(const std::atomic<bool>& interrupted) {
                  stage.data());
     std::fflush(stderr);
   };
+}
+
+namespace {
+
+/// What comes in by standard input, in a file without a name that goes with the process.
+struct StreamFile {
+  std::FILE* file = nullptr;
+  std::string name;
+};
+StreamFile& stream_file() {
+  static StreamFile one;
+  return one;
+}
+
+}  // namespace
+
+CLI::Validator standard_input() {
+  return CLI::Validator(
+      [](std::string& value) -> std::string {
+        if (value != "-") return {};
+        StreamFile& stream = stream_file();
+        if (stream.file) return "standard input (-) can be read only once";
+        stream.file = std::tmpfile();
+        if (!stream.file) return "no temporary file can be made for standard input";
+        stream.name = "/dev/fd/" + std::to_string(fileno(stream.file));
+        value = stream.name;
+        return {};
+      },
+      "");
+}
+
+Status take_standard_input(const FileLimits& limits) {
+  StreamFile& stream = stream_file();
+  if (!stream.file) return {};
+  const auto fail = [](std::string what, std::string remedy) {
+    return Error{ErrorCode::bad_file, std::move(what), "standard input", std::move(remedy)};
+  };
+  std::vector<char> bytes(std::size_t{1} << 20);
+  std::size_t total = 0;
+  errno = 0;
+  while (const std::size_t got = std::fread(bytes.data(), 1, bytes.size(), stdin)) {
+    total += got;
+    if (total > limits.bytes)
+      return fail("is more than the limit of " + std::to_string(limits.bytes) + " bytes", "give less");
+    if (std::fwrite(bytes.data(), 1, got, stream.file) != got)
+      return fail(std::string("cannot be kept: ") + std::strerror(errno), "check the space for temporary files");
+  }
+  if (std::ferror(stdin))
+    return fail(std::string("cannot be read: ") + std::strerror(errno), "check where it comes from");
+  if (std::fflush(stream.file) != 0)
+    return fail(std::string("cannot be kept: ") + std::strerror(errno), "check the space for temporary files");
+  if (total == 0) return fail("is empty", "give a mesh");
+  return {};
+}
+
+std::string with_stream_names(std::string text) {
+  const std::string& name = stream_file().name;
+  if (name.empty()) return text;
+  for (std::size_t at = 0; (at = text.find(name, at)) != std::string::npos;) {
+    const std::size_t end = at + name.size();
+    if (end < text.size() && text[end] >= '0' && text[end] <= '9') {
+      at = end;
+      continue;
+    }
+    text.replace(at, name.size(), "standard input");
+  }
+  return text;
 }
 
 void limit_memory(double bytes) {
@@ -58,7 +126,8 @@ void Session::clear_progress() const {
   if (context.on_progress) std::fputs("\r\033[K", stderr);
 }
 
-Status Session::commit(FileSet& files) const {
+Status Session::commit(FileSet& files) {
+  output_taken = output_taken || files.uses_standard_output();
   if (Status status = files.commit(); !status) return status;
   if (done) done->store(in_part ? 9 : 0, std::memory_order_relaxed);
   return {};
@@ -67,13 +136,16 @@ Status Session::commit(FileSet& files) const {
 void Session::say(const std::string& text) const {
   if (quiet) return;
   clear_progress();
-  print(text + "\n");
+  if (!output_taken) return print(text + "\n");
+  const std::string line = with_stream_names(text) + "\n";
+  std::fwrite(line.data(), 1, line.size(), stderr);
 }
 
 // Nobody reads on: no fault of the work that is done, and none that the next call is to find.
 void Session::print(const std::string& bytes) const {
+  const std::string text = with_stream_names(bytes);
   errno = 0;
-  if (std::fwrite(bytes.data(), 1, bytes.size(), stdout) < bytes.size() && errno == EPIPE) std::clearerr(stdout);
+  if (std::fwrite(text.data(), 1, text.size(), stdout) < text.size() && errno == EPIPE) std::clearerr(stdout);
 }
 
 Status Session::printed() const {
@@ -150,7 +222,8 @@ std::string failure_text(const Error& error, int exit_code, const Session& sessi
 
 std::string report_text(Json report, const Session& session) {
   report["run"] = run_json(session);
-  return report.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";  // names of files may be any bytes
+  // Names of files may be any bytes.
+  return with_stream_names(report.dump(2, ' ', false, Json::error_handler_t::replace)) + "\n";
 }
 
 Json warnings_json(std::span<const Warning> warnings) {

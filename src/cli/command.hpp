@@ -28,6 +28,8 @@ struct Session {
   bool in_part = false;
   /// The exit code once the files are in place, whatever fails then; below 0 before.
   std::atomic<int>* done = nullptr;
+  /// Standard output has what a verb made: text for people goes to standard error.
+  bool output_taken = false;
 
   /// Connects the context to the terminal and to Ctrl-C. \pre options are parsed
   void begin(const std::atomic<bool>& interrupted);
@@ -36,14 +38,25 @@ struct Session {
   /// Removes the progress line.
   void clear_progress() const;
   /// Puts the files in place. \fails as FileSet::commit
-  [[nodiscard]] Status commit(FileSet& files) const;
-  /// Text for people, on standard output.
+  [[nodiscard]] Status commit(FileSet& files);
+  /// Text for people, on standard output, or on standard error where that is taken.
   void say(const std::string& text) const;
   /// Bytes for programs, on standard output.
   void print(const std::string& bytes) const;
   /// Whether standard output took all of it. A reader that has closed its end has what it wanted. \fails bad_file
   [[nodiscard]] Status printed() const;
 };
+
+/// For options that name a file to read: `-` becomes a file of what comes in by standard input, once. Takes no bytes.
+[[nodiscard]] CLI::Validator standard_input();
+/// Takes the bytes, where an option asked for them; \fails bad_file
+[[nodiscard]] Status take_standard_input(const FileLimits& limits);
+/// That file called "standard input" in a text for people.
+[[nodiscard]] std::string with_stream_names(std::string text);
+/// Whether a name is of standard output, or has that extension.
+[[nodiscard]] inline bool goes_to(const std::filesystem::path& path, std::string_view extension) {
+  return path == "-" || path.extension() == extension;
+}
 
 /// Makes allocations fail beyond that, where the system can.
 void limit_memory(double bytes);

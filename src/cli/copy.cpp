@@ -30,8 +30,13 @@ Status copy(const CopyCommand& options, Session& session) {
 void add_copy(CLI::App& app, Run& run) {
   auto options = std::make_shared<CopyCommand>();
   CLI::App* verb = app.add_subcommand("copy", "A glTF file as it is, or from .glb to .gltf and back");
-  verb->add_option("IN", options->input, "A .glb or .gltf file")->required()->type_name("");
-  verb->add_option("OUT", options->output, "The same, .glb or .gltf")->required()->type_name("");
+  verb->add_option("IN", options->input, "A .glb or .gltf file; -: standard input")
+      ->required()
+      ->transform(standard_input())
+      ->type_name("");
+  verb->add_option("OUT", options->output, "The same, .glb or .gltf; -: .glb to standard output")
+      ->required()
+      ->type_name("");
   add_force(*verb, options->force);
   verb->footer(
       R"(Within one container the copy is the same bytes; buffers and images that the file names go with it into

@@ -61,7 +61,7 @@ Status dominance(const DominanceCommand& options, Session& session) {
   FileSet files;
   if (Status status = declare(files, options.input, {options.output, options.omegas, options.report}); !status)
     return status;
-  if (!options.output.empty() && options.output.extension() != ".ply")
+  if (!options.output.empty() && !goes_to(options.output, ".ply"))
     return Error{ErrorCode::bad_option, "coloured surfaces are written as PLY alone", options.output.string(),
                  "name a .ply file"};
   const Expected<LoadedAsset> loaded = load(options.input, files, session);

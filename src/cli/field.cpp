@@ -14,6 +14,8 @@ struct FieldCommand {
   std::string preset = "default", solver{default_solver_name};
   double crease_degrees = 0;
   Index curl_rounds = 0;
+  std::optional<double> bones, curvature;
+  std::string directions = "rest";
   std::filesystem::path output, report;
 };
 
@@ -79,18 +81,29 @@ Status field(const FieldCommand& options, Session& session) {
   FileSet files;
   if (Status status = declare(files, options.input, {options.output, options.report}); !status) return status;
   const std::string extension = options.output.extension().string();
-  if (!options.output.empty() && extension != ".obj" && extension != ".rawfield")
+  if (!options.output.empty() && !goes_to(options.output, ".obj") && extension != ".rawfield")
     return Error{ErrorCode::bad_option, "is no format for fields", options.output.string(),
                  "name an .obj (lines to look at) or a .rawfield (vectors, as Directional reads them)"};
   const Expected<FieldPreset> preset = field_preset(options.preset);
   if (!preset) return preset.error();
-  const Expected<LoadedAsset> loaded = load(options.input, files, session);
+  Input input = options.input;
+  input.clips = options.directions == "clips";
+  if (input.clips && !is_gltf(input.files.mesh))
+    return Error{ErrorCode::bad_option, "clips are of glTF files", "--directions clips", "leave it out"};
+  const Expected<LoadedAsset> loaded = load(input, files, session);
   if (!loaded) return loaded.error();
+  if (input.clips && (!loaded->asset.rig || loaded->asset.rig->clips.empty()))
+    return Error{ErrorCode::bad_option, "has no clip that moves this surface", input.files.mesh.string(),
+                 "take directions at rest (--directions rest)"};
   const TriangleMesh<double>& mesh = loaded->asset.mesh;
   const Connection<double> connection(mesh);
   FieldOptions field_options;
   field_options.preset = *preset;
   field_options.solver = options.solver;
+  constexpr Index most_poses = 64;
+  if (input.clips) field_options.bone_poses = clip_poses(loaded->asset.rig->clips, most_poses);
+  field_options.bone_weight = options.bones;
+  field_options.curvature_weight = options.curvature;
   if (options.crease_degrees > 0) field_options.crease_angle_radians = options.crease_degrees * std::numbers::pi / 180;
   session.context.progress("field", 0.2);
   Expected<FieldResult> result = design_field(loaded->asset, connection, field_options, session.context);
@@ -107,6 +120,9 @@ Status field(const FieldCommand& options, Session& session) {
   Json report = report_head("field", options.input, *loaded);
   report["options"] = {{"preset", options.preset},
                        {"crease_degrees", options.crease_degrees > 0 ? Json(options.crease_degrees) : Json(nullptr)},
+                       {"bones", options.bones ? Json(*options.bones) : Json(nullptr)},
+                       {"curvature", options.curvature ? Json(*options.curvature) : Json(nullptr)},
+                       {"directions", options.directions},
                        {"curl", options.curl_rounds},
                        {"solver", options.solver}};
   report["preset_in_force"] = field_preset_name(r.preset);
@@ -186,6 +202,18 @@ void add_field(CLI::App& app, Run& run) {
   verb->add_option("--creases", options->crease_degrees, "Follow edges that bend more than this, degrees")
       ->check(CLI::Range(0.0, 180.0))
       ->type_name("ANGLE");
+  const auto pull = [&](const std::string& name, std::optional<double>& place, const std::string& text) {
+    verb->add_option_function<double>(
+            name, [&place](const double& value) { place = value; }, text)
+        ->check(CLI::NonNegativeNumber)
+        ->type_name("WEIGHT");
+  };
+  verb->add_option("--directions", options->directions,
+                   "Of a glTF file: bones give directions at rest, or averaged over the poses of its clips")
+      ->check(CLI::IsMember({"rest", "clips"}))
+      ->option_text("rest|clips = rest");
+  pull("--bones", options->bones, "Pull of the bones");
+  pull("--curvature", options->curvature, "Pull of the curvature");
   verb->add_option("--curl", options->curl_rounds,
                    "Rounds of moving directions and lengths towards those of a map; 5 are enough")
       ->check(CLI::Range(0, 1000))

@@ -8,9 +8,13 @@ namespace quadrig::cli {
 
 bool is_gltf(const std::filesystem::path& path) {
   if (gltf_container(path)) return true;
-  char magic[4] = {};
+  std::error_code ignored;
+  if (!std::filesystem::is_regular_file(path, ignored)) return false;  // what is read from a pipe is gone
   std::ifstream file(path, std::ios::binary);
-  return file.read(magic, 4) && std::string_view(magic, 4) == "glTF";
+  char magic[4] = {};
+  if (!file.read(magic, 4)) return false;
+  // No surface file without an extension begins like JSON.
+  return std::string_view(magic, 4) == "glTF" || (path.extension().empty() && magic[0] == '{');
 }
 
 CLI::Option* add_bind_method(CLI::App& verb, const std::string& name, std::function<void(BindMethod)> set,
@@ -28,10 +32,13 @@ CLI::Option* add_bind_method(CLI::App& verb, const std::string& name, std::funct
 }
 
 void add_input(CLI::App& verb, Input& input, const std::string& formats) {
-  verb.add_option("MESH", input.files.mesh, "Surface: " + formats)->required()->type_name("");
-  auto* rig = verb.add_option("--rig", input.files.rig, "Bones: .tgf")->type_name("FILE");
+  verb.add_option("MESH", input.files.mesh, "Surface: " + formats + "; -: standard input")
+      ->required()
+      ->transform(standard_input())
+      ->type_name("");
+  auto* rig = verb.add_option("--rig", input.files.rig, "Bones: .tgf")->transform(standard_input())->type_name("FILE");
   auto* weights = verb.add_option("--weights", input.files.weights, "Skin weights, a column a bone: .dmat");
-  weights->type_name("FILE");
+  weights->transform(standard_input())->type_name("FILE");
   weights->needs(rig);
   add_bind_method(
       verb, "--bind", [&input](BindMethod method) { input.load.bind.emplace().method = method; },
@@ -138,6 +145,7 @@ Json report_head(std::string_view verb, const Input& input, const LoadedAsset& l
 }
 
 Status declare(FileSet& files, const Input& input, std::initializer_list<std::filesystem::path> outputs) {
+  files.standard_output = true;
   for (const auto& path : {input.files.mesh, input.files.rig, input.files.weights})
     if (Status status = files.reads(path); !status) return status;
   for (const auto& path : outputs)

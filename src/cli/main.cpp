@@ -135,7 +135,8 @@ bool may_replace(const std::filesystem::path& path, std::string_view begins) {
 /// Where a report was asked for, it tells of the failure. Nothing is replaced by it but a report: the run may have
 /// failed before it was known which files are inputs.
 void report_failure(const std::filesystem::path& path, const std::string& text) {
-  if (path.empty() || !may_replace(path, "{\n  \"quadrig\": ")) return;
+  if (path == "-") std::fwrite(text.data(), 1, text.size(), stdout);
+  if (path.empty() || path == "-" || !may_replace(path, "{\n  \"quadrig\": ")) return;
   (void)quadrig::write_file(path, text);  // the failure itself is told already
 }
 
@@ -144,6 +145,7 @@ void report_failure(const std::filesystem::path& path, const std::string& text) 
 std::pair<quadrig::Status, quadrig::Status> run_verb(const quadrig::cli::Run& verb, quadrig::cli::Session& session,
                                                      const std::filesystem::path& profile_path) {
   using namespace quadrig;
+  if (Status status = cli::take_standard_input({}); !status) return {status, {}};
   if (profile_path.empty()) return {verb(session), {}};
   const auto refused = [&] {
     return Error{ErrorCode::bad_option, "is there, and is no profile", "--profile " + profile_path.string(),
@@ -224,7 +226,8 @@ int run(int argc, char** argv) {
   session.clear_progress();
   if (!session.quiet)
     for (const Warning& warning : session.context.warnings)
-      std::fprintf(stderr, "quadrig: warning: %s: %s\n", warning.stage.c_str(), warning.text.c_str());
+      std::fprintf(stderr, "quadrig: warning: %s: %s\n", warning.stage.c_str(),
+                   cli::with_stream_names(warning.text).c_str());
   if (!profiled) std::fprintf(stderr, "quadrig: warning: profile: %s\n", profiled.error().message().c_str());
   if (status) {
     // All is done: what cannot be said of it is told, and no failure.
@@ -238,7 +241,7 @@ int run(int argc, char** argv) {
     error = {ErrorCode::cancelled, "the time limit is over", "", "raise --time-limit"};
     code = cli::time_limit_exit_code;
   }
-  std::fprintf(stderr, "quadrig: %s\n", error.message().c_str());
+  std::fprintf(stderr, "quadrig: %s\n", cli::with_stream_names(error.message()).c_str());
   const bool stopped = error.code == ErrorCode::cancelled && !expired;  // by the user, who asked for no more
   if (error.code != ErrorCode::bad_option && !stopped)
     report_failure(cli::report_path(app), cli::failure_text(error, code, session));

@@ -156,7 +156,7 @@ Status pose(const PoseCommand& options, Session& session) {
   if (!gltf && !options.clip.empty())
     return Error{ErrorCode::bad_option, "clips are of glTF files", "--clip " + options.clip,
                  "bend bones (--bone, --axis, --angle)"};
-  if (options.output.extension() != ".obj")
+  if (!goes_to(options.output, ".obj"))
     return Error{ErrorCode::bad_option, "posed surfaces are written as OBJ alone", options.output.string(),
                  "name an .obj file"};
   FileSet files;

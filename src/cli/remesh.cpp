@@ -17,7 +17,7 @@ struct RemeshCommand {
   std::string creases = "flats";
   std::filesystem::path output, report, weights_out, quads_out, map_out;
   bool binary_weights = false;
-  std::string poses = "bends";
+  std::string poses = "bends", directions = "rest";
   std::vector<Index> quads;
   GltfSelection selection;
   bool source_map = false, seams = true, force = false;
@@ -116,6 +116,7 @@ Json options_json(const RemeshCommand& o) {
   json["crease_degrees"] = crease ? Json(*crease * 180 / std::numbers::pi) : Json(nullptr);
   json["max_error"] = o.max_error;
   json["keep"] = o.keep;
+  json["fill_holes"] = o.remesh.fill_holes;
   json["for"] = o.bundle.empty() ? Json(nullptr) : Json(o.bundle);
   json["guides"] = o.guides.empty() ? Json(nullptr) : Json(o.guides.string());
   json["guide_width"] = o.guide_width;
@@ -136,6 +137,7 @@ Json options_json(const RemeshCommand& o) {
   json["solver"] = o.remesh.solver.name;
   if (is_gltf(o.input.files.mesh)) {
     json["poses"] = o.poses;
+    json["directions"] = o.directions;
     json["select"] = o.selection.names;
     json["all"] = o.selection.unskinned;
     json["source_map"] = o.source_map;
@@ -206,24 +208,24 @@ Status remesh_files(RemeshCommand options, Session& session) {
   const Input& input = options.input;
   const std::filesystem::path& weights_out = options.weights_out;
   const bool gltf = is_gltf(input.files.mesh);
-  if (!gltf && options.output.extension() != ".obj")
+  if (!gltf && !goes_to(options.output, ".obj"))
     return Error{ErrorCode::bad_option,
                  "the quads of " + input.files.mesh.extension().string() + " files can only be written as OBJ",
                  options.output.string(), "give a name that ends in .obj"};
   if (gltf && (!weights_out.empty() || !input.files.rig.empty()))
     return Error{ErrorCode::bad_option, "a glTF file has its rig and weights within", input.files.mesh.string(),
                  "leave out --rig, --weights and --weights-out"};
-  if (!gltf &&
-      (!options.quads_out.empty() || options.poses != "bends" || options.source_map || options.selection.unskinned ||
-       !options.selection.names.empty() || !options.seams || options.topology != "best" || options.normals != "auto"))
-    return Error{
-        ErrorCode::bad_option,
-        "--quads-out, --poses, --select, --all, --source-map, --no-seams, --topology and --normals are for glTF files",
-        input.files.mesh.string(), "leave them out"};
-  if (!options.quads_out.empty() && options.quads_out.extension() != ".obj")
+  if (!gltf && (!options.quads_out.empty() || options.poses != "bends" || options.source_map ||
+                options.selection.unskinned || options.directions != "rest" || !options.selection.names.empty() ||
+                !options.seams || options.topology != "best" || options.normals != "auto"))
+    return Error{ErrorCode::bad_option,
+                 "--quads-out, --poses, --directions, --select, --all, --source-map, --no-seams, --topology and "
+                 "--normals are for glTF files",
+                 input.files.mesh.string(), "leave them out"};
+  if (!options.quads_out.empty() && !goes_to(options.quads_out, ".obj"))
     return Error{ErrorCode::bad_option, "quads can only be written as OBJ", options.quads_out.string(),
                  "give a name that ends in .obj"};
-  if (!options.map_out.empty() && (gltf || options.map_out.extension() != ".obj"))
+  if (!options.map_out.empty() && (gltf || !goes_to(options.map_out, ".obj")))
     return Error{ErrorCode::bad_option,
                  gltf ? "--map-out is not available for glTF files" : "the map can only be written as OBJ",
                  options.map_out.string(), gltf ? "leave it out" : "give a name that ends in .obj"};
@@ -232,6 +234,10 @@ Status remesh_files(RemeshCommand options, Session& session) {
   if (options.quads.empty() || options.quads.size() > 16)
     return Error{ErrorCode::bad_option, options.quads.empty() ? "is empty" : "are more than 16 counts", "--quads",
                  options.quads.empty() ? "give a count" : "give fewer"};
+  for (const std::filesystem::path* path : {&options.output, &options.quads_out, &options.report})
+    if (options.quads.size() > 1 && *path == "-")
+      return Error{ErrorCode::bad_option, "several counts have no room on standard output", "--quads",
+                   "give one, or name a file"};
   options.remesh.quads = options.quads.front();
   options.input.quads = options.remesh.quads;
   if (!weights_out.empty() && input.files.rig.empty())
@@ -249,6 +255,10 @@ Status remesh_files(RemeshCommand options, Session& session) {
   }
   if (Status status = set_creases(options.creases, options.remesh); !status) return status;
   options.remesh.group_borders = options.keeps("groups");
+  options.remesh.exact_borders = options.keeps("borders");
+  if (gltf && options.remesh.fill_holes > 0)
+    return Error{ErrorCode::bad_option, "--fill-holes is not available for glTF files", input.files.mesh.string(),
+                 "leave it out"};
   if (!gltf && !options.bone_density.empty() && input.files.rig.empty())
     return Error{ErrorCode::bad_option, "needs bones", "--bone-density", "give --rig, or leave it out"};
   options.input.load.density = {options.material_density, options.density_colors};
@@ -283,6 +293,7 @@ Status remesh_files(RemeshCommand options, Session& session) {
     job.options.prepare = input.load.prepare;
     job.options.selection = options.selection;
     job.options.pose_source = options.poses == "clips" ? GltfPoses::clips : GltfPoses::bends;
+    job.options.clip_directions = options.directions == "clips";
     job.options.source_map = options.source_map;
     job.options.snap_seams = options.seams;
     // The thesis's method is that of a field.
@@ -447,6 +458,11 @@ void add_remesh_figures(Json& report, const RemeshReport& r, double read_seconds
                                 {"poles", hinge.rings.poles},
                                 {"quads_for", hinge.quads_for}});
   report["rims"] = rims_json(r.rims);
+  report["gaps"] = {{"notches", r.gaps.notches},
+                    {"notch_share", r.gaps.notch_share},
+                    {"holes_filled", r.gaps.holes_filled},
+                    {"holes_cut", r.gaps.holes_cut},
+                    {"holes_closed", r.gaps.holes_closed}};
   report["field"] = {{"preset", field_preset_name(r.field.preset)},
                      {"singularities_plus", r.field.singularities_plus},
                      {"singularities_minus", r.field.singularities_minus},
@@ -562,11 +578,16 @@ void add_remesh(CLI::App& app, Run& run) {
       ->group(edges);
   verb->add_option("--keep", options->keep,
                    "Borders that become edges of quads: of materials, of texture islands, of the vertex groups of the "
-                   "rig (where another bone's weight becomes the largest), and what the OBJ draws as lines")
+                   "rig (where another bone's weight becomes the largest), what the OBJ draws as lines, and every hole "
+                   "and notch of open borders, however small (else those smaller than a quad are bridged)")
       ->delimiter(',')
-      ->check(CLI::IsMember({"materials", "textures", "groups", "lines"}))
+      ->check(CLI::IsMember({"materials", "textures", "groups", "lines", "borders"}))
       ->allow_extra_args(false)
-      ->type_name("materials|textures|groups|lines[,…]")
+      ->type_name("materials|textures|groups|lines|borders[,…]")
+      ->group(edges);
+  verb->add_option("--fill-holes", remesh.fill_holes, "Close holes and open ends that are at most so long around")
+      ->check(CLI::NonNegativeNumber)
+      ->type_name("LENGTH")
       ->group(edges);
   verb->add_option("--guide-width", options->guide_width,
                    "Guides do not become edges, but pull at the directions of edges within this length of them")
@@ -636,6 +657,12 @@ void add_remesh(CLI::App& app, Run& run) {
       ->capture_default_str()
       ->type_name("ANGLE")
       ->group(sizes);
+  verb->add_option("--directions", options->directions,
+                   "Of a glTF file: bones give directions at rest, or averaged over the poses of its clips, where the "
+                   "rest pose is bad")
+      ->check(CLI::IsMember({"rest", "clips"}))
+      ->option_text("rest|clips = rest")
+      ->group(edges);
   verb->add_option("--poses", options->poses, "Of a glTF file: bend every joint, or sample its own clips")
       ->check(CLI::IsMember({"bends", "clips"}))
       ->option_text("bends|clips = bends")

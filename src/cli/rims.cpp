@@ -48,7 +48,7 @@ Rim rim_of(std::vector<Vector3> points) {
 }
 
 Status rims(const RimsCommand& options, Session& session) {
-  if (!options.output.empty() && options.output.extension() != ".obj")
+  if (!options.output.empty() && !goes_to(options.output, ".obj"))
     return Error{ErrorCode::bad_option, "rims are written as lines of an OBJ", options.output.string(),
                  "name an .obj file"};
   FileSet files;

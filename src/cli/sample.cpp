@@ -15,6 +15,7 @@ struct SampleCommand {
 Status sample(const SampleCommand& options, Session& session) {
   const auto place = [&](const char* extension) { return options.output / (options.name + extension); };
   FileSet files;
+  files.standard_output = true;
   if (const auto container = gltf_container(options.output)) {
     Expected<std::string> bytes = make_sample_glb(options.name, options.triangles, session.context);
     if (!bytes) return bytes.error();

@@ -365,15 +365,16 @@ Status stats(const StatsCommand& options, Session& session) {
 void add_stats(CLI::App& app, Run& run) {
   auto options = std::make_shared<StatsCommand>();
   CLI::App* verb = app.add_subcommand("stats", "Counts, validity, shape, distance and bending of polygon meshes");
-  verb->add_option("MESH", options->meshes, "Meshes: .obj, .off, .ply or .stl, or glTF files")
+  verb->add_option("MESH", options->meshes, "Meshes: .obj, .off, .ply or .stl, or glTF files; -: standard input")
       ->required()
+      ->transform(standard_input())
       ->type_name("");
   auto* input = verb->add_option("--input", options->input.files.mesh, "The surface that they stand for: distances");
-  input->type_name("FILE");
+  input->transform(standard_input())->type_name("FILE");
   auto* rig = verb->add_option("--rig", options->input.files.rig, "Its bones: how well the meshes bend");
   auto* weights = verb->add_option("--weights", options->input.files.weights, "Its skin weights");
-  rig->type_name("FILE")->needs(input)->needs(weights);
-  weights->type_name("FILE")->needs(rig);
+  rig->transform(standard_input())->type_name("FILE")->needs(input)->needs(weights);
+  weights->transform(standard_input())->type_name("FILE")->needs(rig);
   add_selection(*verb, options->input.selection, "Of a glTF input: the mesh, node, material or skin");
   verb->add_option("--poses", options->poses, "Bend every bone, or of a glTF input sample its own clips")
       ->check(CLI::IsMember({"bends", "clips"}))

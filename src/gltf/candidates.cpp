@@ -137,6 +137,8 @@ RemeshOptions field_options(const Gathered& gathered, const Shells& shells, cons
   if (!own.crease_angle_radians) own.crease_angle_radians = std::numbers::pi;
   if (options.pose_source == GltfPoses::clips && rigged && !gathered.surface.asset.rig->clips.empty())
     own.poses = shells.poses;
+  if (options.clip_directions && rigged)
+    own.directions.bone_poses = clip_poses(gathered.surface.asset.rig->clips, options.most_poses);
   own.symmetry = shells.mirror ? mirror_choice(options.remesh, rigged) : SymmetryChoice::none;
   own.mirror_plane = shells.mirror;
   return own;

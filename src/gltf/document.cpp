@@ -111,6 +111,7 @@ Status read_json(State& state) {
 using gltf::Json;
 
 Expected<GltfContainer> gltf_container(const std::filesystem::path& path) {
+  if (path == "-") return GltfContainer::binary;  // standard output
   std::string extension = path.extension().string();
   for (char& c : extension) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
   if (extension == ".glb" || extension == ".vrm") return GltfContainer::binary;

@@ -241,7 +241,7 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
   if (Status status = options.prepare.validate(); !status) return status.error();
   if (options.most_poses < 1) return Error{ErrorCode::bad_option, "needs at least one", "most_poses", "give 1 or more"};
   GltfClipOptions clips;
-  clips.enabled = options.pose_source == GltfPoses::clips;
+  clips.enabled = options.pose_source == GltfPoses::clips || options.clip_directions;
   gltf::State& state = document.state();
   SpanTimer gathering(context, "surfaces");
   Expected<std::vector<gltf::Gathered>> gathered =
@@ -255,8 +255,14 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
     if (options.remesh.preset == FieldPreset::thesis)
       return Error{ErrorCode::bad_option, "the thesis preset needs a rig", "preset", "use the static one"};
   }
-  if (options.pose_source == GltfPoses::clips || options.remesh.preset == FieldPreset::thesis ||
-      options.remesh.group_borders)
+  const auto has_clips = [](const gltf::Gathered& one) {
+    return one.surface.asset.rig && !one.surface.asset.rig->clips.empty();
+  };
+  if (options.clip_directions && std::ranges::none_of(*gathered, has_clips))
+    return Error{ErrorCode::bad_option, "directions are asked of clips, and no clip moves a surface", "clip_directions",
+                 "take them at rest (--directions rest)"};
+  if (options.pose_source == GltfPoses::clips || options.clip_directions ||
+      options.remesh.preset == FieldPreset::thesis || options.remesh.group_borders)
     for (const gltf::Gathered& one : *gathered) {
       if (one.failure) continue;
       const auto tell = [&](const std::string& text) { context.warn("gltf", one.surface.label() + ": " + text); };
@@ -266,6 +272,7 @@ Expected<std::vector<GltfRemeshed>> remesh_gltf(GltfDocument& document, const Gl
       if (!rig && options.remesh.group_borders) tell("has no rig, so no borders of vertex groups are kept");
       if (rig && options.pose_source == GltfPoses::clips && rig->clips.empty())
         tell("has no clips: every joint is bent instead");
+      if (rig && options.clip_directions && rig->clips.empty()) tell("has no clips: directions are those at rest");
     }
   if (Status status = gltf::check_density(*gathered, options); !status) return status.error();
   context.progress("shares", 0);

@@ -57,6 +57,13 @@ bool put(const fs::path& path, const char* mode, std::string_view contents) {
   return written;
 }
 
+/// Likewise to standard output. A reader that has closed its end has what it wanted.
+bool put_out(std::string_view contents) {
+  errno = 0;
+  const bool written = std::fwrite(contents.data(), 1, contents.size(), stdout) == contents.size();
+  return (std::fflush(stdout) == 0 && written) || errno == EPIPE;
+}
+
 /// Replaces files by new ones, all or none: what was there is kept under a second name until the last is in place.
 class Replacement {
  public:
@@ -141,8 +148,11 @@ bool special(const fs::path& path) {
   return fs::exists(status) && !fs::is_regular_file(status) && !fs::is_directory(status);
 }
 
+}  // namespace
+
 /// What a file is known by: its name without links and spellings and, where it is there, its number on its device.
-std::vector<std::string> keys_of(const fs::path& path) {
+std::vector<std::string> FileSet::keys_of(const fs::path& path) const {
+  if (is_stream(path)) return {"standard output"};
   std::vector<std::string> keys = {"name " + io::canonical_name(io::followed(path)).string()};
 #ifdef QUADRIG_POSIX
   struct stat status {};
@@ -151,8 +161,6 @@ std::vector<std::string> keys_of(const fs::path& path) {
 #endif
   return keys;
 }
-
-}  // namespace
 
 void FileSet::make_folder(const fs::path& folder) {
   if (!folder.empty()) folders_.insert(folder);
@@ -174,13 +182,17 @@ Status FileSet::reads(const fs::path& path) {
   return {};
 }
 
+bool FileSet::uses_standard_output() const {
+  return std::ranges::any_of(entries_, [&](const Entry& entry) { return is_stream(entry.named); });
+}
+
 Status FileSet::writes(const fs::path& path) {
   std::error_code ignored;
   if (path.empty() || path.filename().empty() || fs::is_directory(path, ignored))
     return io::file_error(path, "is not the name of a file", "name a file to write");
   Entry entry;
   entry.named = path;
-  entry.device = special(path);
+  entry.device = is_stream(path) || special(path);
   entry.place = entry.device ? path : io::followed(path);  // a link to a pipe names no place
   const std::vector<std::string> keys = keys_of(path);
   if (!entry.device)
@@ -245,6 +257,7 @@ Status FileSet::add_beside(const fs::path& place, const fs::path& name, std::str
 FileSet FileSet::trial() const {
   FileSet other;
   other.replaces_beside = replaces_beside;
+  other.standard_output = standard_output;
   other.entries_ = entries_;
   other.outputs_ = outputs_;
   other.inputs_ = inputs_;
@@ -256,8 +269,10 @@ Status FileSet::commit() {
   // What is no file cannot be taken back: it comes first, so that its failure leaves no file.
   for (Entry& entry : entries_) {
     if (!entry.device || !entry.contents) continue;
-    if (!put(entry.place, "wb", *entry.contents))
-      return io::file_error(entry.place, "cannot be written: " + io::system_reason(), "check the rights and the space");
+    const bool stream = is_stream(entry.named);
+    if (!(stream ? put_out(*entry.contents) : put(entry.place, "wb", *entry.contents)))
+      return io::file_error(stream ? "standard output" : entry.place, "cannot be written: " + io::system_reason(),
+                            "check the rights and the space");
     entry.contents.reset();
   }
   const SignalsHeld held;

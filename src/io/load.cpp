@@ -1,5 +1,7 @@
 // An asset from its files.
 #include <algorithm>
+#include <array>
+#include <fstream>
 #include <iomanip>
 #include <sstream>
 
@@ -50,9 +52,51 @@ std::optional<std::string> loose_triangles(const TriangleMesh<double>& mesh) {
 
 }  // namespace
 
+namespace {
+
+/// The extension that a surface file without one would have, by how it begins; empty where none is like it.
+std::string extension_by_content(const std::filesystem::path& path) {
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(path, error)) return {};  // what is read from a pipe is gone
+  std::ifstream file(path, std::ios::binary);
+  std::string begin(4096, '\0');
+  file.read(begin.data(), static_cast<std::streamsize>(begin.size()));
+  begin.resize(static_cast<std::size_t>(file.gcount()));
+  if (begin.starts_with("PK")) return ".3mf";
+  std::string text = begin;
+  if (begin.starts_with("\xFF\xFE") || begin.starts_with("\xFE\xFF"))  // UTF-16: what is ASCII of it tells enough
+    std::erase_if(text, [](char c) { return c == '\0' || static_cast<unsigned char>(c) >= 0x80; });
+  if (text.starts_with("\xEF\xBB\xBF")) text.erase(0, 3);
+  std::size_t first = text.find_first_not_of(" \t\r\n");
+  bool comment = false;
+  while (first < text.size() && text[first] == '#') {
+    comment = true;
+    first = text.find_first_not_of(" \t\r\n", std::min(text.find_first_of("\r\n", first), text.size()));
+  }
+  const std::string word =
+      first < text.size() ? text.substr(first, text.find_first_of(" \t\r\n", first) - first) : std::string();
+  if (word == "ply") return ".ply";
+  std::string upper;
+  for (const char c : word) upper += c >= 'a' && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c;
+  if (const std::size_t off = upper.find("OFF"); off <= 4) return ".off";
+  constexpr std::size_t stl_head = 84, stl_face = 50;
+  if (begin.size() >= stl_head && begin.find('\0') != std::string::npos && text.size() == begin.size()) {
+    std::size_t faces = 0;
+    for (std::size_t k = 0; k < 4; ++k) faces |= std::size_t{static_cast<unsigned char>(begin[80 + k])} << (8 * k);
+    if (std::filesystem::file_size(path, error) >= stl_head + stl_face * faces && !error) return ".stl";
+  }
+  if (word == "solid") return ".stl";
+  constexpr std::array<std::string_view, 11> obj{"v", "vt", "vn", "vp", "f", "l", "p", "o", "g", "s", "usemtl"};
+  return comment || word.starts_with('$') || word == "mtllib" || std::ranges::find(obj, word) != obj.end() ? ".obj"
+                                                                                                           : "";
+}
+
+}  // namespace
+
 Expected<PolygonMesh> read_surface(const std::filesystem::path& path, const FileLimits& limits, Context& context) {
   std::string extension = path.extension().string();
   for (char& c : extension) c = c >= 'A' && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+  if (extension.empty()) extension = extension_by_content(path);
   if (extension == ".obj") return read_obj(path, limits, context);
   if (extension == ".off") return read_off(path, limits, context);
   if (extension == ".ply") return read_ply(path, limits, context);
@@ -60,6 +104,9 @@ Expected<PolygonMesh> read_surface(const std::filesystem::path& path, const File
   if (extension == ".3mf")
     return Error{ErrorCode::unsupported, "3MF packages are not read", path.string(),
                  "convert it to .stl, with PrusaSlicer's --export-stl or Python's trimesh"};
+  if (extension.empty())
+    return Error{ErrorCode::unsupported, "begins like no surface format that is read", path.string(),
+                 "give an .obj, .off, .ply or .stl file"};
   return Error{ErrorCode::unsupported, io::shown(extension) + " is not a surface format that is read", path.string(),
                "give an .obj, .off, .ply or .stl file"};
 }

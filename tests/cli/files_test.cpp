@@ -209,3 +209,50 @@ TEST_CASE("command: a profile has every stage, within the stage that it is part 
   CHECK(run_quadrig(folder, "field pear.obj --profile p.json").exit_code == 0);
   CHECK(read_text(folder / "p.json") != trace);
 }
+
+TEST_CASE("command: - is standard input and output", "[cli][slow]") {
+  const ScratchFolder folder("streams-of-command");
+  REQUIRE(run_quadrig(folder, "-q sample pear --triangles 2000 -o .").exit_code == 0);
+  REQUIRE(run_quadrig(folder, "-q remesh pear.obj --quads 300 -o quads.obj").exit_code == 0);
+  const std::string quads = read_text(folder / "quads.obj");
+
+  const CommandResult piped = run_quadrig(folder, "remesh - --quads 300 -o - < pear.obj");
+  CHECK(piped.exit_code == 0);
+  CHECK(piped.output == quads);
+  CHECK(has(piped.error, "irregular vertices"));
+  CHECK(!std::filesystem::exists(folder / "-"));
+
+  // Known by how it begins, not by a name.
+  std::filesystem::copy_file(folder / "quads.obj", folder / "no-extension");
+  CHECK(run_quadrig(folder, "stats no-extension").exit_code == 0);
+  const CommandResult figures = run_quadrig(folder, "stats - --json < quads.obj");
+  CHECK(figures.exit_code == 0);
+  CHECK(has(figures.output, "\"standard input\""));
+  CHECK(!has(figures.output, "/dev/fd"));
+
+  // A failure leaves standard output empty, and names its input as the user sees it.
+  write_text(folder / "noise", "no mesh at all");
+  const CommandResult noise = run_quadrig(folder, "remesh - --quads 300 -o - < noise");
+  CHECK(noise.exit_code == 5);
+  CHECK(noise.output.empty());
+  CHECK(has(noise.error, "standard input"));
+  const CommandResult nothing = run_quadrig(folder, "remesh - --quads 300 -o - < /dev/null");
+  CHECK(nothing.exit_code == 3);
+  CHECK(nothing.output.empty());
+
+  CHECK(run_quadrig(folder, "stats - - < quads.obj").exit_code == 2);
+  const CommandResult twice = run_quadrig(folder, "remesh pear.obj --quads 300 -o - --report -");
+  CHECK(twice.exit_code == 2);
+  CHECK(twice.output.empty());
+}
+
+TEST_CASE("command: a glTF file goes through standard input and output", "[cli][slow]") {
+  const ScratchFolder folder("gltf-streams");
+  REQUIRE(run_quadrig(folder, "-q sample head -o head.glb").exit_code == 0);
+  const CommandResult copied = run_quadrig(folder, "copy - - < head.glb");
+  CHECK(copied.exit_code == 0);
+  CHECK(copied.output == read_text(folder / "head.glb"));
+  const CommandResult levels = run_quadrig(folder, "remesh - --quads 800,400 -o - < head.glb");
+  CHECK(levels.exit_code == 2);
+  CHECK(levels.output.empty());
+}

@@ -172,14 +172,51 @@ Expected<FieldResult> finish_field(const FieldProblem<Scalar>& problem, PolyVect
   return result;
 }
 
-// The energy of the thesis as it stands, errata mended: areas relative to the largest, weights α and β.
+/// Gives crosses that are held the lengths of what bones ask for there.
+template <class Scalar>
+void keep_lengths(HeldCrosses<Scalar>& held, const PolyVectorTargets& targets) {
+  for (std::size_t k = 0; k < held.x0.size(); ++k) {
+    const auto f = static_cast<std::size_t>(held.x0[k].face);
+    if (!(targets.weight[f] > 0)) continue;
+    const auto [first, second] = raw_roots(targets.x0[f], targets.x1[f]);
+    // x0 = −d⁴ of the direction d that is held; of the roots the one nearer to it has its length.
+    const Complex along = std::sqrt(std::sqrt(-held.x0[k].value));
+    const auto nearness = [&](Complex root) {
+      const Complex turned = root * std::conj(along);
+      return std::abs(root) > 0 ? std::abs(turned.real()) / std::abs(root) : 0.0;
+    };
+    const bool swapped = nearness(second) > nearness(first);
+    const Complex u = along * std::abs(swapped ? second : first),
+                  v = Complex(0, 1) * along * std::abs(swapped ? first : second);
+    held.x0[k].value = u * u * v * v;
+    held.x1[k].value = -(u * u + v * v);
+  }
+}
+
+// The energy of the thesis as it stands, errata mended: areas relative to the largest, weights α and β. Beside borders,
+// creases and features, of which it knows nothing, crosses are held.
 template <class Scalar>
 Expected<FieldResult> design_thesis_field(const FieldProblem<Scalar>& problem, const BasicFieldOptions<Scalar>& options,
                                           FieldReport report, Context& context) {
   const TriangleMesh<Scalar>& mesh = *problem.mesh;
   const auto m = static_cast<std::size_t>(mesh.face_count());
-  PolyVectorTargets targets = bone_targets(mesh, *problem.connection, *problem.skeleton, *problem.dominance,
-                                           {.lengths = BoneTargetOptions::Lengths::thesis}, &context);
+  auto bones = bone_targets_of(problem, options.bone_poses, {.lengths = BoneTargetOptions::Lengths::thesis}, context);
+  if (!bones) return bones.error();
+  PolyVectorTargets targets = std::move(*bones);
+  auto solver = BasicFieldSolver<Scalar>::create(mesh, *problem.connection, factory_of(options));
+  if (!solver) return solver.error();
+  const ComponentScales scales = component_scales(mesh, 0.01, 0);
+  if (options.bone_weight)
+    for (double& weight : targets.weight) weight *= *options.bone_weight;
+  if (options.curvature_weight.value_or(0) > 0) {
+    auto curved = curvature_targets(problem, scales, options.curvature_length, *solver, context);
+    if (!curved) return curved.error();
+    add_targets(targets, std::move(*curved), *options.curvature_weight, context);
+  }
+  if (options.targets) add_targets(targets, *options.targets, 1, context);
+  HeldCrosses<Scalar> fixed = held_crosses(problem, options, false, scales, context);
+  keep_lengths(fixed, targets);
+  report.fixed_faces = static_cast<Index>(fixed.x0.size());
   const double largest = m > 0 ? static_cast<double>(mesh.areas().maxCoeff()) : 1.0;
   std::vector<double> orthogonality(m), smoothness(3 * m, 0.0), beta(m);
   for (std::size_t f = 0; f < m; ++f) {
@@ -188,9 +225,10 @@ Expected<FieldResult> design_thesis_field(const FieldProblem<Scalar>& problem, c
     targets.weight[f] *= area;
     orthogonality[f] = beta[f] * area;
   }
-  const Components components = face_components(mesh);
+  const Components& components = scales.components;
   std::vector<double> pull(static_cast<std::size_t>(components.count), 0.0);
-  for (std::size_t f = 0; f < m; ++f) pull[static_cast<std::size_t>(components.of_face[f])] += targets.weight[f];
+  for (std::size_t f = 0; f < m; ++f)
+    pull[static_cast<std::size_t>(components.of_face[f])] += targets.weight[f] + (fixed.held[f] ? 1 : 0);
   for (std::size_t f = 0; f < m; ++f)
     if (!(pull[static_cast<std::size_t>(components.of_face[f])] > 0))
       return Error{ErrorCode::numeric, "no bone pulls this component: the exact energy has no field for it",
@@ -202,16 +240,19 @@ Expected<FieldResult> design_thesis_field(const FieldProblem<Scalar>& problem, c
     smoothness[static_cast<std::size_t>(h)] = (beta[f] + beta[g]) / 2 * areas / 3;
   }
 
-  auto solver = BasicFieldSolver<Scalar>::create(mesh, *problem.connection, factory_of(options));
-  if (!solver) return solver.error();
-  const std::array<BasicFieldSystem<Scalar>, 2> systems{
-      BasicFieldSystem<Scalar>{
-          .power = 4, .smoothness = smoothness, .target = targets.x0, .target_weight = targets.weight},
-      BasicFieldSystem<Scalar>{.power = 2,
-                               .smoothness = smoothness,
-                               .target = targets.x1,
-                               .target_weight = targets.weight,
-                               .shrink = orthogonality}};
+  const std::array<BasicFieldSystem<Scalar>, 2> systems{BasicFieldSystem<Scalar>{.power = 4,
+                                                                                 .smoothness = smoothness,
+                                                                                 .target = targets.x0,
+                                                                                 .target_weight = targets.weight,
+                                                                                 .own_terms = options.own_terms_x0,
+                                                                                 .fixed = fixed.x0},
+                                                        BasicFieldSystem<Scalar>{.power = 2,
+                                                                                 .smoothness = smoothness,
+                                                                                 .target = targets.x1,
+                                                                                 .target_weight = targets.weight,
+                                                                                 .shrink = orthogonality,
+                                                                                 .own_terms = options.own_terms_x1,
+                                                                                 .fixed = fixed.x1}};
   auto solved = solver->minimize(systems, context);
   if (!solved) return solved.error();
   PolyVectorField polynomial{std::move((*solved)[0]), std::move((*solved)[1])};
@@ -427,7 +468,7 @@ Expected<FieldResult> design_field(const TriangleMesh<Scalar>& mesh, const Rig* 
     if (!(mesh.area(f) > 0))
       return Error{ErrorCode::bad_input, "the face has no area", "field, face " + std::to_string(f),
                    "run prepare() to remove degenerate faces"};
-  detail::FieldProblem<Scalar> problem{&mesh, &connection, nullptr, {}};
+  detail::FieldProblem<Scalar> problem{&mesh, &connection, nullptr, {}, nullptr};
   FieldReport report;
   report.preset = options.preset;
   report.solver = options.own_solver ? "own" : options.solver;
@@ -439,6 +480,11 @@ Expected<FieldResult> design_field(const TriangleMesh<Scalar>& mesh, const Rig* 
     if (!dominance) return dominance.error();
     problem.dominance = std::move(*dominance);
     problem.skeleton = &rig->skeleton;
+    problem.weights = &rig->weights;
+    for (const Pose& pose : options.bone_poses)
+      if (pose.size() != rig->skeleton.bones.size())
+        return Error{ErrorCode::bad_option, std::to_string(pose.size()) + " transforms", "field, bone_poses",
+                     "give one a bone, " + std::to_string(rig->skeleton.bones.size())};
     if (context.cancelled()) return cancelled_error("field");
     report.bones = rig->skeleton.bone_count();
   } else if (options.preset == FieldPreset::thesis) {

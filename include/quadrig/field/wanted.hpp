@@ -12,7 +12,18 @@ struct FieldProblem {
   const Connection<Scalar>* connection;
   const Skeleton* skeleton = nullptr;
   std::optional<Dominance> dominance;
+  const SkinWeights* weights = nullptr;
 };
+
+/// Targets of the bones, at rest or in the poses that are given.
+template <class Scalar>
+Expected<PolyVectorTargets> bone_targets_of(const FieldProblem<Scalar>& problem, std::span<const Pose> poses,
+                                            const BoneTargetOptions& options, Context& context) {
+  if (poses.empty())
+    return bone_targets(*problem.mesh, *problem.connection, *problem.skeleton, *problem.dominance, options, &context);
+  return posed_bone_targets(*problem.mesh, *problem.connection, *problem.skeleton, *problem.weights, *problem.dominance,
+                            poses, options, context);
+}
 
 struct ComponentScales {
   Components components;
@@ -109,9 +120,9 @@ Expected<WantedCrosses> wanted_crosses(const FieldProblem<Scalar>& problem, cons
   const double bone_weight = options.bone_weight.value_or(flat ? 0.0 : 1.0);
   const double curvature_weight = options.curvature_weight.value_or(flat ? 1.0 : 0.0);
   if (problem.dominance && bone_weight > 0) {
-    add_targets(wanted.targets,
-                bone_targets(mesh, *problem.connection, *problem.skeleton, *problem.dominance, {}, &context),
-                bone_weight, context);
+    auto bones = bone_targets_of(problem, options.bone_poses, {}, context);
+    if (!bones) return bones.error();
+    add_targets(wanted.targets, std::move(*bones), bone_weight, context);
     if (context.cancelled()) return cancelled_error("field");
     for (std::size_t f = 0; f < m; ++f) wanted.beta[f] = bone_beta(*problem.dominance, static_cast<Index>(f));
   }

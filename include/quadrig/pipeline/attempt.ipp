@@ -390,6 +390,7 @@ QUADRIG_INLINE FieldOptions AttemptRun::field_options(const Connection<double>& 
   field.own_real_solver = options_.solver.own_real;
   field.bone_weight = options_.directions.bones;
   field.curvature_weight = options_.directions.curvature;
+  field.bone_poses = options_.directions.bone_poses;
   field.bone_density = asset.sizing.density == DensitySource::field;
   field.crease_angle_radians = std::numbers::pi;
   for (Index h = 0; h < static_cast<Index>(piece_.kept.size()); ++h)

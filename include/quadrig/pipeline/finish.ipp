@@ -30,7 +30,10 @@ class Finisher {
     sum_up(report);
     for (const Warning& warning : report.warnings) context_.warnings.push_back(warning);
     report.seconds.total += total.seconds();
-    if (std::string defect = unlike(quad_topology(quads_.mesh.quads, report.vertices), SurfaceTopology(mesh_));
+    SurfaceTopology topology(mesh_);
+    topology.euler -= quads_.holes;
+    topology.loops += quads_.holes;
+    if (std::string defect = unlike(quad_topology(quads_.mesh.quads, report.vertices), topology);
         !defect.empty() || !(report.scaled_jacobian_minimum > 0))
       return Error{ErrorCode::stage_failed, defect.empty() ? "a quad stays inverted" : defect, "check of the result",
                    "ask for another count or the static preset"};

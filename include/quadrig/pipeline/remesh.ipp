@@ -6,6 +6,7 @@
 #include "quadrig/dominance.hpp"
 #include "quadrig/pipeline/component.hpp"
 #include "quadrig/pipeline/features.hpp"
+#include "quadrig/pipeline/gaps.hpp"
 #include "quadrig/pipeline/guides.hpp"
 #include "quadrig/pipeline/halves.hpp"
 #include "quadrig/pipeline/hinge_bands.hpp"
@@ -31,6 +32,8 @@ QUADRIG_INLINE Status RemeshOptions::validate() const {
     if (one.loops < 0 || one.name.empty())
       return bad("loops.of_joints", one.name.empty() ? "a joint without a name" : "negative for " + one.name,
                  "give a name and 0 or more");
+  if (!(fill_holes >= 0) || !std::isfinite(fill_holes))
+    return bad("fill_holes", "no length", "give 0 or more, in units of the mesh");
   if (!(count_tolerance > 0)) return bad("count_tolerance", "not positive", "give a fraction such as 0.05");
   if (!(bend_degrees > 0 && bend_degrees < 180))
     return bad("bend_degrees", "out of range", "give an angle in (0, 180)");
@@ -148,6 +151,10 @@ inline Status check_request(const Asset& asset, const RemeshOptions& options) {
   if (options.preset == FieldPreset::thesis && (!options.directions.own.empty() || options.directions.terms))
     return Error{ErrorCode::bad_option, "the thesis preset takes no directions of the caller's", "preset",
                  "use default"};
+  for (const Pose& pose : options.directions.bone_poses)
+    if (!asset.rig || pose.size() != asset.rig->skeleton.bones.size())
+      return Error{ErrorCode::bad_option, std::to_string(pose.size()) + " transforms", "directions.bone_poses",
+                   asset.rig ? "give one a bone, " + std::to_string(asset.rig->skeleton.bones.size()) : "give a rig"};
   if (options.group_borders && !asset.rig)
     return Error{ErrorCode::bad_option, "vertex groups are the columns of skin weights", "group_borders", "give a rig"};
   if (options.preset == FieldPreset::thesis && !asset.rig)
@@ -291,6 +298,9 @@ class Remesher {
     least.assign(share.size(), least_quads);
     for (Index h = 0; h < mesh_.halfedge_count(); ++h)
       if (mesh_.twin(h) == no_index) least[at(components.of_face[at(h / 3)])] = least_of_sheet;
+    constexpr double of_triangle = 3;
+    for (std::size_t c = 0; c < least.size(); ++c)
+      if (faces_[c].size() == 1) least[c] = of_triangle;
     due = quads_due(share, options_.quads, least);
     return {};
   }
@@ -559,10 +569,22 @@ QUADRIG_INLINE Expected<UnfittedQuads> remesh_unfitted(const Asset& asset, const
   return detail::Remesher(asset, options, context).run();
 }
 
-QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOptions& options, Context& context) {
+namespace detail {
+
+inline Expected<RemeshResult> remesh_whole(const Asset& asset, const RemeshOptions& options, Context& context) {
   Expected<UnfittedQuads> quads = remesh_unfitted(asset, options, context);
   if (!quads) return quads.error();
-  Expected<RemeshResult> result = fit_and_skin(asset, options, std::move(*quads), context);
+  return fit_and_skin(asset, options, std::move(*quads), context);
+}
+
+}  // namespace detail
+
+QUADRIG_INLINE Expected<RemeshResult> remesh(const Asset& asset, const RemeshOptions& options, Context& context) {
+  if (Status status = options.validate(); !status.ok()) return status.error();
+  const std::optional<detail::WithoutGaps> without = detail::without_gaps(asset, options, context);
+  if (context.cancelled()) return cancelled_error("remesh");
+  Expected<RemeshResult> result = without ? detail::remesh_without_gaps(asset, options, *without, context)
+                                          : detail::remesh_whole(asset, options, context);
   if (result && result->weights)
     if (const std::optional<std::string> lacking =
             report_hinges(result->mesh, asset.rig->skeleton, *result->weights, options, result->report)) {
