@@ -14,8 +14,8 @@ using namespace quadrig;
 namespace {
 
 /// A sheet of n × n cells over the unit square, which waves a little.
-struct Sheet {
-  explicit Sheet(Index n) : grid{n, n} {}
+struct PunchedSheet {
+  explicit PunchedSheet(Index n) : grid{n, n} {}
   [[nodiscard]] Points<double> positions() const {
     return grid.positions([&](Index i, Index j) {
       const double x = static_cast<double>(i) / grid.columns, y = static_cast<double>(j) / grid.rows;
@@ -86,7 +86,7 @@ RemeshOptions at_count(Index quads) {
 TEST_CASE("gaps: borders that turn one way have none", "[gaps][fast]") {
   const Context context;
   const GapOptions small{0.2, 0, 0.05};
-  CHECK(!bridge_gaps(Sheet(40).whole(), small, context));
+  CHECK(!bridge_gaps(PunchedSheet(40).whole(), small, context));
 
   const test::Grid tube{24, 30, true};  // its ends are 0.63 around, and turn not at all
   const TriangleMesh<double> open = test::build(test::tube_positions(tube, 1, 0.1), tube.triangles());
@@ -97,10 +97,10 @@ TEST_CASE("gaps: borders that turn one way have none", "[gaps][fast]") {
   CHECK(capped->holes.size() == 2);
 
   // The outline of a sheet is never closed, however small the sheet.
-  CHECK(!bridge_gaps(Sheet(3).whole(), {100, 100, 0}, context));
+  CHECK(!bridge_gaps(PunchedSheet(3).whole(), {100, 100, 0}, context));
 
   // A corner that goes in, and a slit.
-  const Sheet sheet(40);
+  const PunchedSheet sheet(40);
   const TriangleMesh<double> all = sheet.whole();
   const auto cell = [](Index f) { return std::pair(f / 2 % 40, f / 2 / 40); };
   const auto angle = without(all, [&](Index f) { return cell(f).first > 20 && cell(f).second > 20; });
@@ -112,7 +112,7 @@ TEST_CASE("gaps: borders that turn one way have none", "[gaps][fast]") {
 TEST_CASE("gaps: notches of a ragged border are bridged, at the scale that is asked for", "[gaps][fast]") {
   const Context context;
   for (const unsigned seed : {1U, 2U, 3U}) {
-    const TriangleMesh<double> mesh = ragged(Sheet(40).whole(), 3, seed);
+    const TriangleMesh<double> mesh = ragged(PunchedSheet(40).whole(), 3, seed);
     const auto calm = bridge_gaps(mesh, {0, 0, 0.1}, context);
     REQUIRE(calm);
     CHECK(begins_with(calm->mesh, mesh));
@@ -134,7 +134,7 @@ TEST_CASE("gaps: notches of a ragged border are bridged, at the scale that is as
 
 TEST_CASE("gaps: holes are closed by their length, those that touch at a vertex too", "[gaps][fast]") {
   const Context context;
-  const Sheet sheet(20);
+  const PunchedSheet sheet(20);
   const TriangleMesh<double> all = sheet.whole();
   // Two triangles that share a vertex alone: one hole, which passes it twice.
   const auto pair = without(all, [](Index f) { return f == 2 * 210 || f == 2 * (210 - 21); });
@@ -163,7 +163,7 @@ TEST_CASE("gaps: holes are closed by their length, those that touch at a vertex 
 
 TEST_CASE("gaps: a scan with a ragged border and pinholes becomes quads like one without", "[gaps][slow]") {
   for (const Index quads : {300, 1000}) {
-    const TriangleMesh<double> mesh = pierced(ragged(Sheet(50).whole(), 3, 7), 700);
+    const TriangleMesh<double> mesh = pierced(ragged(PunchedSheet(50).whole(), 3, 7), 700);
     const Asset asset{mesh, {}};
     Context context;
     const auto result = remesh(asset, at_count(quads), context);
@@ -199,7 +199,7 @@ TEST_CASE("gaps: a scan with a ragged border and pinholes becomes quads like one
 
 TEST_CASE("gaps: borders are followed exactly where that is asked for, and where there is nothing to bridge",
           "[gaps][slow]") {
-  const Asset clean{Sheet(30).whole(), {}}, torn{ragged(Sheet(30).whole(), 1, 5), {}};
+  const Asset clean{PunchedSheet(30).whole(), {}}, torn{ragged(PunchedSheet(30).whole(), 1, 5), {}};
   Context context;
   const auto plain = remesh(clean, at_count(300), context);
   RemeshOptions exact = at_count(300);
@@ -219,7 +219,7 @@ TEST_CASE("gaps: borders are followed exactly where that is asked for, and where
 
 TEST_CASE("gaps: holes beside each other and beside a border have four quads about them", "[gaps][slow]") {
   // So many that no quad is free of others' corners.
-  const TriangleMesh<double> all = Sheet(20).whole();
+  const TriangleMesh<double> all = PunchedSheet(20).whole();
   const TriangleMesh<double> mesh =
       without(all, [](Index f) { return f % 2 == 0 && f / 2 % 20 % 4 == 2 && f / 2 / 20 % 4 == 2; });
   Skeleton skeleton;

@@ -86,7 +86,7 @@ TEST_CASE("picture: options out of range are errors that name the field", "[pict
   const auto image = draw(meshes, options);
   REQUIRE_FALSE(image.has_value());
   CHECK(image.error().what.find("cell_width") != std::string::npos);
-  CHECK_FALSE(draw({}, PictureOptions{}).has_value());
+  CHECK_FALSE(draw(std::span<const Panel>{}, PictureOptions{}).has_value());
 }
 
 TEST_CASE("picture: a PNG is written whole or refused", "[picture][fast]") {

@@ -8,6 +8,7 @@
 #include <string>
 
 #include "picture/picture.hpp"
+#include "picture/segment.hpp"
 
 namespace quadrig {
 
@@ -101,14 +102,6 @@ Vector3 newell(const Points<double>& points, std::span<const Index> polygon) {
     normal += a.cross(b);
   }
   return normal / 2;
-}
-
-/// Distance of a point from a segment, in the plane.
-double distance(const Eigen::Vector2d& p, const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
-  const Eigen::Vector2d ab = b - a;
-  const double length2 = ab.squaredNorm();
-  const double t = length2 > 0 ? std::clamp((p - a).dot(ab) / length2, 0.0, 1.0) : 0.0;
-  return (p - a - t * ab).norm();
 }
 
 /// What all cells are fitted to, in the eye's axes.
@@ -224,8 +217,8 @@ class Painter {
           if (depth < cell.depth(x, y)) continue;
           double edge = std::numeric_limits<double>::infinity();
           for (std::size_t i = 0; i < sides; ++i)
-            edge = std::min(edge, distance(at, screen_.row(polygon[i]).head<2>().transpose(),
-                                           screen_.row(polygon[(i + 1) % sides]).head<2>().transpose()));
+            edge = std::min(edge, distance_to_segment(at, screen_.row(polygon[i]).head<2>().transpose(),
+                                                      screen_.row(polygon[(i + 1) % sides]).head<2>().transpose()));
           if (panel_.edges && edge < line / 2) {
             cell.paint(x, y, depth, quads ? palette_.quad_edge : palette_.other_edge);
             continue;
@@ -295,7 +288,7 @@ class Painter {
       for (int x = std::max(0, static_cast<int>(std::min(a.x(), b.x()) - radius));
            x <= std::min(cell.width() - 1, static_cast<int>(std::max(a.x(), b.x()) + radius)); ++x) {
         const Eigen::Vector2d p(x + 0.5, y + 0.5);
-        if (distance(p, a.head<2>(), b.head<2>()) > radius) continue;
+        if (distance_to_segment(p, a.head<2>(), b.head<2>()) > radius) continue;
         const double t =
             along.squaredNorm() > 0 ? std::clamp((p - a.head<2>()).dot(along) / along.squaredNorm(), 0.0, 1.0) : 0;
         cell.paint(x, y, stroke.on_top ? 1e12 : a.z() + t * (b.z() - a.z()) + 2.5 * samples, stroke.colour);

@@ -4,6 +4,7 @@
 
 #include "picture/letters.hpp"
 #include "picture/picture.hpp"
+#include "picture/segment.hpp"
 
 namespace quadrig {
 
@@ -27,12 +28,6 @@ std::size_t take_letter(std::string_view& text) {
 double advance(std::size_t letter) {
   const std::string_view data = stroke_letters[letter];
   return data[1] - data[0];
-}
-
-double distance(const Eigen::Vector2d& p, const Eigen::Vector2d& a, const Eigen::Vector2d& b) {
-  const Eigen::Vector2d ab = b - a;
-  const double t = ab.squaredNorm() > 0 ? std::clamp((p - a).dot(ab) / ab.squaredNorm(), 0.0, 1.0) : 0.0;
-  return (p - a - t * ab).norm();
 }
 
 }  // namespace
@@ -78,7 +73,7 @@ double write_text(Image& image, double x, double y, double height, std::string_v
       for (int column = x0; column <= x1; ++column) {
         double nearest = 1e9;
         for (const auto& [a, b] : pieces)
-          nearest = std::min(nearest, distance(Eigen::Vector2d(column + 0.5, row + 0.5), a, b));
+          nearest = std::min(nearest, distance_to_segment(Eigen::Vector2d(column + 0.5, row + 0.5), a, b));
         const double cover = std::clamp(half_width + 0.5 - nearest, 0.0, 1.0);
         if (cover == 0) continue;
         for (std::size_t k = 0; k < 3; ++k) {
