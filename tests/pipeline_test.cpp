@@ -85,8 +85,11 @@ void check_result(const Asset& asset, const RemeshResult& result) {
     CHECK(s.barycentric.minCoeff() >= 0);
     off = std::max(off, (position(mesh, s) - quads.positions.row(v).transpose()).norm());
   }
-  // the surface is no farther than the fit moved the vertex off it
-  CHECK(off <= result.report.fit.largest_move + 1e-6 * mesh.diagonal());
+  // The surface is no farther than the fit moved the vertex off it; where a ragged border was bridged there is none for
+  // less than a quad.
+  const GapReport& gaps = result.report.gaps;
+  const double bridged = gaps.notches > 0 || gaps.holes_cut > 0 ? std::sqrt(mesh.total_area() / quads.quad_count()) : 0;
+  CHECK(off <= result.report.fit.largest_move + bridged + 1e-6 * mesh.diagonal());
 }
 
 bool same_bytes(const QuadMesh& a, const QuadMesh& b) {
