@@ -144,3 +144,56 @@ TEST_CASE("constraints: creases are runs of sharp edges, and faces follow their 
   CHECK(std::ranges::adjacent_find(faces) == faces.end());
   CHECK(faces.size() == boundary_halfedges(mesh).size() - 2);  // two corner faces have two border edges each
 }
+
+TEST_CASE("constraints: a clip that straightens bones gives the targets of the straight surface", "[constraints]") {
+  const Asset straight = tube();
+  const SkinWeights& weights = straight.rig->weights;
+  const Skeleton& skeleton = straight.rig->skeleton;
+  const Dominance dominance = Dominance::create(straight.mesh, *straight.rig).value();
+  // The rest pose: the second bone bent by 70 degrees, then its pose back.
+  Pose askew = rest_pose(skeleton);
+  askew[1] = quadrig::detail::bend_transform(skeleton.bones[1], Vector3::UnitZ(), 70 * std::numbers::pi / 180);
+  Pose back = rest_pose(skeleton);
+  back[1] = askew[1].inverse();
+  Asset bent{test::build(skin(straight.mesh.positions(), weights, askew), straight.mesh.faces()), straight.rig};
+  for (Vector3* end : {&bent.rig->skeleton.bones[1].head, &bent.rig->skeleton.bones[1].tail}) *end = askew[1] * *end;
+  const Connection<double> flat(straight.mesh), curved(bent.mesh);
+  Context context;
+  const auto wanted = bone_targets(straight.mesh, flat, skeleton, dominance);
+  const auto posed = [&](std::span<const Pose> poses) {
+    return posed_bone_targets(bent.mesh, curved, bent.rig->skeleton, weights, dominance, poses, {}, context).value();
+  };
+  // Angle of the cross to the face's first edge, against that on the straight surface; degrees, over blending faces.
+  const auto off = [&](const PolyVectorTargets& targets) {
+    double sum = 0;
+    Index count = 0;
+    for (Index f = 0; f < bent.mesh.face_count(); ++f) {
+      const auto i = static_cast<std::size_t>(f);
+      if (dominance.omega(f, 1) > 0.95 || !(targets.weight[i] > 0) || !(wanted.weight[i] > 0)) continue;
+      // by the whole gradient of the face, as turned
+      const auto edge = [&](const Connection<double>& c, const TriangleMesh<double>& m, Index h) {
+        return c.to_complex(f, m.edge_vector(h));
+      };
+      const Complex e0 = edge(flat, straight.mesh, 3 * f), e1 = edge(flat, straight.mesh, 3 * f + 1),
+                    d0 = edge(curved, bent.mesh, 3 * f), d1 = edge(curved, bent.mesh, 3 * f + 1);
+      const Complex p = (d0 * std::conj(e1) - d1 * std::conj(e0)) / (e0 * std::conj(e1) - e1 * std::conj(e0));
+      const Complex turned = wanted.x0[i] * integer_power(p / std::abs(p), 4);
+      sum += std::abs(std::arg(targets.x0[i] / turned)) / 4 * 180 / std::numbers::pi;
+      ++count;
+    }
+    return sum / count;
+  };
+  const double at_rest = off(bone_targets(bent.mesh, curved, bent.rig->skeleton, dominance));
+  const double straightened = off(posed(std::span(&back, 1)));
+  INFO(at_rest << " degrees at rest, " << straightened << " by the clip");
+  CHECK(at_rest > 3);
+  CHECK(straightened < at_rest / 3);
+
+  // In the rest pose, however often, they are those at rest.
+  const std::vector<Pose> still(3, rest_pose(skeleton));
+  const auto same = posed(still), rest = bone_targets(bent.mesh, curved, bent.rig->skeleton, dominance);
+  for (std::size_t i = 0; i < rest.weight.size(); ++i) {
+    CHECK(same.weight[i] == Approx(rest.weight[i]).margin(1e-9));
+    CHECK(std::abs(same.x0[i] - rest.x0[i]) < 1e-9);
+  }
+}

@@ -417,3 +417,57 @@ TEST_CASE("field: the smallest surfaces have a field", "[field]") {
     CHECK(design({TriangleMesh<double>(), {}}, options).report.index_sum == 0);
   }
 }
+
+TEST_CASE("field: the thesis preset follows borders, creases and fixed directions", "[field]") {
+  Asset asset = test::limbed_asset(3, true);
+  const Connection<double> whole(asset.mesh);
+  const FieldResult closed = design(asset, {.preset = FieldPreset::thesis});
+  CHECK(closed.report.fixed_faces == 0);
+  Context context;
+  const FieldResult fixed =
+      design(asset, {.preset = FieldPreset::thesis, .fixed = {{7, whole.to_complex(7, Vector3(1, 2, 3))}}});
+  const auto angle = [](const FrameField& frames, Index f, Complex along) {
+    const auto i = static_cast<std::size_t>(f);
+    const auto to = [&](Complex d) { return std::abs((along * std::conj(d)).real()) / std::abs(along) / std::abs(d); };
+    return std::acos(std::min(1.0, std::max(to(frames.u[i]), to(frames.v[i])))) * 180 / std::numbers::pi;
+  };
+  CHECK(angle(fixed.frames, 7, whole.to_complex(7, Vector3(1, 2, 3))) < 1e-4);
+
+  // The same cut open where one limb ends.
+  std::vector<Index> kept;
+  const Vector3 limb = Vector3(1, 0.2, 0.1).normalized();
+  double far = 0;
+  for (Index v = 0; v < asset.mesh.vertex_count(); ++v) far = std::max(far, asset.mesh.position(v).dot(limb));
+  for (Index f = 0; f < asset.mesh.face_count(); ++f)
+    if (position(asset.mesh, SurfacePoint{f, Vector3::Constant(1.0 / 3)}).dot(limb) < 0.8 * far) kept.push_back(f);
+  std::vector<Index> number(static_cast<std::size_t>(asset.mesh.vertex_count()), no_index), rows;
+  Triangles faces(static_cast<Index>(kept.size()), 3);
+  for (std::size_t k = 0; k < kept.size(); ++k)
+    for (int i = 0; i < 3; ++i) {
+      const Index v = asset.mesh.faces()(kept[k], i);
+      Index& place = number[static_cast<std::size_t>(v)];
+      if (place == no_index) {
+        place = static_cast<Index>(rows.size());
+        rows.push_back(v);
+      }
+      faces(static_cast<Index>(k), i) = place;
+    }
+  Points<double> points(static_cast<Index>(rows.size()), 3);
+  for (std::size_t k = 0; k < rows.size(); ++k) points.row(static_cast<Index>(k)) = asset.mesh.positions().row(rows[k]);
+  const Asset open{test::build(points, faces), Rig{asset.rig->skeleton, rows_of(asset.rig->weights, rows), {}}};
+  const Connection<double> connection(open.mesh);
+  const FieldResult field = design(open, {.preset = FieldPreset::thesis});
+  Index beside = 0;
+  for (Index h = 0; h < open.mesh.halfedge_count(); ++h) {
+    if (open.mesh.twin(h) != no_index) continue;
+    if (open.mesh.twin(open.mesh.next(h)) == no_index || open.mesh.twin(open.mesh.prev(h)) == no_index)
+      continue;  // no frame follows two edges
+    ++beside;
+    CHECK(angle(field.frames, h / 3, connection.edge(h)) < 1);
+  }
+  CHECK(beside > 10);
+  CHECK(field.report.fixed_faces > 10);
+  const auto short_pose = design_field(asset, whole, {.bone_poses = {Pose(2)}}, context);  // four bones
+  REQUIRE(!short_pose);
+  CHECK(short_pose.error().where == "field, bone_poses");
+}

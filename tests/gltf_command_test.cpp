@@ -133,3 +133,21 @@ TEST_CASE("command: stats bends quads by the clips of a glTF file", "[cli][gltf]
   CHECK(bending("--poses clips --frames 5").poses == 5);
   CHECK(run_quadrig(folder, "stats q.obj --input q.obj --poses nods").exit_code == 2);
 }
+
+TEST_CASE("command: directions by clips need clips", "[cli][gltf][fast]") {
+  const ScratchFolder folder("gltf-command");
+  write_text(folder / "tube.glb", tube_file());
+  write_text(folder / "solid.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n");
+  CHECK(run_quadrig(folder, "field tube.glb --directions clips --report f.json").exit_code == 0);
+  CHECK(has(read_text(folder / "f.json"), "\"directions\": \"clips\""));
+  const CommandResult done = run_quadrig(folder, "remesh tube.glb --quads 200 --directions clips -o q.glb");
+  INFO(done.error);
+  CHECK((done.exit_code == 0 || done.exit_code == 9));
+  const CommandResult obj = run_quadrig(folder, "field solid.obj --directions clips");
+  CHECK(obj.exit_code == 2);
+  CHECK(has(obj.error, "clips"));
+  write_text(folder / "still.glb", tube_file({.skinned = false}));
+  const CommandResult still = run_quadrig(folder, "remesh still.glb --quads 200 --all --directions clips -o s.glb");
+  CHECK(still.exit_code == 2);
+  CHECK(has(still.error, "no clip"));
+}
