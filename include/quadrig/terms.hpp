@@ -38,7 +38,7 @@ class Smoothness {
 };
 
 /// Σ_f weight_f |z_f − target_f|². A row for every face, also of weight 0, so that weights may change.
-/// \pre the spans have one entry a face and outlive the term. Source: thesis (4.15).
+/// \pre the spans have one entry a face and outlive the term. Source: thesis (4.16).
 template <class Scalar = double>
 class Alignment {
  public:
@@ -60,7 +60,7 @@ class Alignment {
 };
 
 /// Σ_f weight_f |z_f|²: on x1 = −(u² + v²) it asks for u ⟂ v of equal length.
-/// \pre the span has one entry a face and outlives the term. Source: thesis (4.17).
+/// \pre the span has one entry a face and outlives the term. Source: thesis (4.16).
 template <class Scalar = double>
 class Orthogonality {
  public:

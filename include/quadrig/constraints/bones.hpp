@@ -21,7 +21,7 @@ struct BoneDensity {
 };
 
 /// Weights of alignment and of smoothness on a face: α = 0.6 ω1 + 0.2 ω2 and β = half of what α leaves of ω, which is
-/// 0.2 ω1 + 0.4 ω2 + 0.5 (1 − ω1 − ω2). Source: thesis (4.15) to (4.19), continued past ω3.
+/// 0.2 ω1 + 0.4 ω2 + 0.5 (1 − ω1 − ω2). Source: thesis (4.17) to (4.18), continued past ω3.
 [[nodiscard]] inline double bone_alpha(const Dominance& dominance, Index face) {
   return 0.6 * dominance.omega(face, 1) + 0.2 * dominance.omega(face, 2);
 }
