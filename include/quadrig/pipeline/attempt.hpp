@@ -30,6 +30,7 @@ struct FoundQuads {
   std::vector<Index> parent;
   std::vector<char> landed;  ///< vertices that hold tips of the surface
   double farthest = 0;       ///< point of the surface from the quads, in edges of these
+  double average = 0;        ///< scaled Jacobian
   Index singularities = 0;
   FieldReport field;
   MapStrain strain;
@@ -37,6 +38,8 @@ struct FoundQuads {
   std::optional<ComponentMap> map;  ///< where RemeshOptions::keep_maps asks for it
 };
 
+/// Features that nobody asked for are let go where quads are less even on average, by their scaled Jacobians.
+inline constexpr double even_enough = 0.9;
 /// Points farther than this from the quads, in edges of these, are missed: the fit may still cost a little.
 inline constexpr double covered_edges = 0.85 * ComponentReport::most_edges_off;
 

@@ -328,6 +328,9 @@ class AttemptRun {
     const Coverage covered = landing.run(made.quads, made.least);
     span.end();
     lap(result_.seconds.polish);
+    double average = 0;
+    for (Index q = 0; q < made.quads.quad_count(); ++q)
+      average += scaled_jacobian(made.quads.positions, made.quads.quads.row(q)) / made.quads.quad_count();
     const double least = made.least, farthest = covered.farthest / shared_.edge;
     result_.found = FoundQuads{std::move(made),
                                surface_mesh(),
@@ -336,6 +339,7 @@ class AttemptRun {
                                piece_.source.empty() ? piece_.parent : shared_.original.parent,
                                std::move(landing.landed),
                                farthest,
+                               average,
                                field.singularities.plus + field.singularities.minus,
                                field.report,
                                strain_,
@@ -344,6 +348,10 @@ class AttemptRun {
     if (farthest > covered_edges) {
       leave("a point " + std::to_string(farthest).substr(0, 4) + " edges of quads off them");
       return Outcome::uncovered;
+    }
+    if (least > fine_enough && attempt_.unasked && average < even_enough) {
+      leave("creases make quads uneven: scaled Jacobian " + std::to_string(average).substr(0, 4) + " on average");
+      return Outcome::poor;
     }
     if (least > fine_enough) return Outcome::good;
     leave("least scaled Jacobian " + std::to_string(least).substr(0, 4));

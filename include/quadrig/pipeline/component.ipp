@@ -90,7 +90,8 @@ class ComponentRemesher {
     const auto most_attempts = needle ? 1 : static_cast<std::size_t>(of_all::share(of_all::attempts, shared_.parts));
     Budget budget = full;
     std::vector<Tried> history;
-    for (std::optional<std::size_t> next; history.size() < most_attempts && (next = next_attempt(attempts, history));) {
+    std::size_t made = 0;  // attempts that had triangles
+    for (std::optional<std::size_t> next; made < most_attempts && (next = next_attempt(attempts, history));) {
       if (context_.cancelled()) return cancelled_error("remesh");
       const bool afresh = begins_afresh(attempts, history, *next);
       if (afresh) budget = full;
@@ -98,6 +99,7 @@ class ComponentRemesher {
       if (!tried) return tried.error();
       history.push_back(*tried);
       history.back().attempt = *next;
+      made += tried->outcome != Outcome::triangles_unavailable;
     }
     return best_ ? settle() : split();
   }
@@ -207,7 +209,8 @@ class ComponentRemesher {
 
   /// Of quads, how near they are to being good: on all of the surface, which counts twice, and even.
   [[nodiscard]] static double worth(const FoundQuads& found) {
-    return std::min(1.0, found.made.least / fine_enough) + 2 * std::min(1.0, covered_edges / found.farthest);
+    return std::min(1.0, found.made.least / fine_enough) + std::min(1.0, found.average / even_enough) +
+           2 * std::min(1.0, covered_edges / found.farthest);
   }
 
   void take_over(StageBackends& made) {

@@ -5,6 +5,7 @@
 
 #include "quadrig/closest.hpp"
 #include "quadrig/pipeline/gaps.hpp"
+#include "quadrig/quads/topology.hpp"
 
 namespace quadrig::detail {
 

@@ -100,12 +100,13 @@ struct Tried {
 namespace detail {
 
 /// The attempts that share a budget with this one: those that keep features, or those that do not, as if features had
-/// never been asked for; all where some of the former gave quads.
+/// never been asked for; all where some of the former, asked for, gave quads.
 [[nodiscard]] inline std::vector<Tried> same_budget(const std::vector<Attempt>& attempts,
                                                     std::span<const Tried> history, std::size_t number) {
   const auto keeps = [&](std::size_t attempt) { return attempts[attempt].keeps_features; };
-  const bool one = std::ranges::any_of(
-      history, [&](const Tried& tried) { return keeps(tried.attempt) && has_quads(tried.outcome); });
+  const bool one = std::ranges::any_of(history, [&](const Tried& tried) {
+    return keeps(tried.attempt) && !attempts[tried.attempt].unasked && has_quads(tried.outcome);
+  });
   std::vector<Tried> result;
   for (const Tried& tried : history)
     if (one || keeps(tried.attempt) == keeps(number)) result.push_back(tried);
@@ -114,7 +115,8 @@ namespace detail {
 
 }  // namespace detail
 
-/// Whether an attempt begins with a full budget: the first, and the first without features unless there are quads.
+/// Whether an attempt begins with a full budget: the first, and the first without features unless there are quads with
+/// features that were asked for.
 [[nodiscard]] inline bool begins_afresh(const std::vector<Attempt>& attempts, std::span<const Tried> history,
                                         std::size_t number) {
   return detail::same_budget(attempts, history, number).empty();
