@@ -232,6 +232,15 @@ TEST_CASE("needles: surfaces too thin for a quad, made of slivers, have one atte
   CHECK(needle.rung == Rung::split);
   CHECK(needle.reasons.size() <= 1);
   CHECK(remeshed(4, 100).rung != Rung::split);
+  // A strip as thin is a map at once.
+  const Grid strip{1, 1};
+  Context context;
+  const auto thin = remesh(
+      Asset{build(strip.positions([](Index i, Index j) { return Vector3(i, 1e-5 * j, 0); }), strip.triangles()), {}},
+      plain_options(300), context);
+  REQUIRE(thin.has_value());
+  CHECK(thin->report.components.front().rung == Rung::fine_map);
+  CHECK(thin->report.irregular == 0);
 }
 
 TEST_CASE("features: marks come from the caller and from creases, short ones go, and pieces take theirs",

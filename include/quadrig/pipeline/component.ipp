@@ -90,7 +90,7 @@ class ComponentRemesher {
     const auto most_attempts = needle ? 1 : static_cast<std::size_t>(of_all::share(of_all::attempts, shared_.parts));
     Budget budget = full;
     std::vector<Tried> history;
-    std::size_t made = 0;  // attempts that had triangles
+    std::size_t made = 0;
     for (std::optional<std::size_t> next; made < most_attempts && (next = next_attempt(attempts, history));) {
       if (context_.cancelled()) return cancelled_error("remesh");
       const bool afresh = begins_afresh(attempts, history, *next);
@@ -99,7 +99,8 @@ class ComponentRemesher {
       if (!tried) return tried.error();
       history.push_back(*tried);
       history.back().attempt = *next;
-      made += tried->outcome != Outcome::triangles_unavailable;
+      // A strip, round which no quads go, has its map on a stand-in as soon as on itself.
+      made += original_.asset.mesh.closed() || tried->outcome != Outcome::triangles_unavailable;
     }
     return best_ ? settle() : split();
   }
