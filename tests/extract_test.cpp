@@ -213,7 +213,7 @@ TEST_CASE("quads: corners by vertex", "[extract]") {
   CHECK(at(6).empty());
 }
 
-TEST_CASE("coarse quads: where a handle is fewer than three quads around, rows are added", "[extract]") {
+TEST_CASE("coarse quads: where a handle is fewer than three quads around, rows are added", "[extract][slow]") {
   int widened = 0;
   for (const SyntheticCase& each : synthetic_cases()) {
     if (each.name != "handles_1" && each.name != "handles_2" && each.name != "handles_3") continue;

@@ -52,7 +52,7 @@ TEST_CASE("samples: a large one is a closed surface of the asked size and well-s
 }
 
 TEST_CASE("samples: a small one is still closed when its limbs are hardly wider than its triangles",
-          "[samples][fast]") {
+          "[samples][slow]") {
   for (const SampleInfo& info : sample_infos()) {
     const Asset asset = sample(info.name, 500);
     CHECK(asset.mesh.closed());
@@ -61,7 +61,7 @@ TEST_CASE("samples: a small one is still closed when its limbs are hardly wider 
   }
 }
 
-TEST_CASE("samples: weights are a smooth partition of unity that follows the bones", "[samples][fast]") {
+TEST_CASE("samples: weights are a smooth partition of unity that follows the bones", "[samples][slow]") {
   for (const SampleInfo& info : sample_infos()) {
     const Asset asset = sample(info.name, 10000);
     const Rig& rig = *asset.rig;
