@@ -173,9 +173,9 @@ TEST_CASE("curl: a field that is the gradient of a map stays, and so does one wh
   CHECK(same.report.turned_p95_degrees < 1e-6);
 
   const FieldCase c = field_case(closed_surface(0), 0, 0.12);
-  CurlOptions stubborn;
-  stubborn.direction_weight = stubborn.size_weight = 1e9;
-  CHECK(largest_difference(c.field.frames, reduced(c, stubborn).frames) < 1e-8);
+  CurlOptions unmoved;
+  unmoved.direction_weight = unmoved.size_weight = 1e9;
+  CHECK(largest_difference(c.field.frames, reduced(c, unmoved).frames) < 1e-8);
   CurlOptions directions;
   directions.direction_weight = 1e9;
   CHECK(reduced(c, directions).report.turned_p95_degrees < 1e-6);

@@ -153,6 +153,11 @@ void drop_short(const TriangleMesh<double>& mesh, std::vector<Index>& edges, dou
   std::erase_if(edges, [&](Index h) { return length[sets.find(mesh.origin(h))] < least_length; });
 }
 
+Index material_of(const Gathered& gathered, Index primitive) {
+  const std::optional<std::size_t>& material = gathered.primitives[at(primitive)].material;
+  return material ? static_cast<Index>(*material) : no_index;
+}
+
 /// Half-edges of a part that are to be edges of quads: where primitives meet or normals part, and what was asked for.
 std::vector<Index> lines_of(const Gathered& gathered, const Shells& shells, const TriangleMesh<double>& part,
                             const std::vector<Index>& faces, const GltfRemeshOptions& options, bool sharp,
@@ -163,7 +168,7 @@ std::vector<Index> lines_of(const Gathered& gathered, const Shells& shells, cons
   constexpr double borders_worth = 0.2, sharp_worth = 0.1;
   constexpr double worth_edges = 3;  // edges that hang together are worth a line from so many edges of quads on
   const auto material = [&](Index h) {
-    return gathered.primitives[at(gathered.surface.source_primitive[at(faces[at(h / 3)])])].material;
+    return material_of(gathered, gathered.surface.source_primitive[at(faces[at(h / 3)])]);
   };
   std::vector<Index> lines, borders, bends;
   double border_length = 0, bend_length = 0;
@@ -197,7 +202,7 @@ void densify_islands(const Gathered& gathered, const TriangleMesh<double>& part,
                      double quads, std::vector<double>& factors) {
   constexpr double few = 4, most = 16;
   const auto material = [&](Index f) {
-    return gathered.primitives[at(gathered.surface.source_primitive[at(faces[at(f)])])].material;
+    return material_of(gathered, gathered.surface.source_primitive[at(faces[at(f)])]);
   };
   DisjointSets islands(at(part.face_count()));
   bool several = false;
@@ -297,10 +302,6 @@ bool stand_for(std::span<const Polygon> few, std::span<const Polygon> all) {
   return primitives.empty() && !few.empty();
 }
 
-Index material_of(const Gathered& gathered, Index primitive) {
-  const std::optional<std::size_t>& material = gathered.primitives[at(primitive)].material;
-  return material ? static_cast<Index>(*material) : no_index;
-}
 /// Of each of the polygons' triangles.
 std::vector<Index> materials_of(const Gathered& gathered, std::span<const Polygon> polygons) {
   std::vector<Index> materials;
@@ -392,9 +393,7 @@ Status make_shell(const Gathered& gathered, const Shells& shells, Shell& shell, 
   const bool modelled = 2 * quads >= modelled_quads * shell.own() && share <= modelled_irregular;
   // Quads that are split from simplified triangles follow no field either, and those that lose a part are none to ship.
   constexpr double lost_edges = 2;
-  double area = 0;
-  for (const Index f : shell.faces) area += mesh.area(f);
-  const double edge = std::sqrt(2 * area / shell.due);
+  const double edge = std::sqrt(2 * shell.area(mesh) / shell.due);
   const bool no_field =
       !shell.field || shell.apart.largest_unbent > lost_edges * edge ||
       std::ranges::any_of(shell.field->result.report.components, [](const auto& c) { return c.rung == Rung::split; });

@@ -139,9 +139,7 @@ void collect(Job& job, const Shells& shells, GltfRemeshed& done, GltfNormals nor
     told.mean = shell.apart.mean;
     told.largest = shell.apart.largest;
     told.largest_unbent = shell.apart.largest_unbent;
-    double area = 0;
-    for (const Index f : shell.faces) area += asset.mesh.area(f);
-    told.edge = std::sqrt(2 * area / std::max<Index>(1, shell.triangles()));
+    told.edge = std::sqrt(2 * shell.area(asset.mesh) / std::max<Index>(1, shell.triangles()));
     done.triangles += told.triangles;
     if (told.quads > 0) continue;
     ++done.passed_shells;

@@ -35,6 +35,11 @@ struct Shell {
   std::optional<Error> failure;  ///< of the field, where it was to be one and is none
 
   [[nodiscard]] Index own() const { return static_cast<Index>(faces.size()); }
+  [[nodiscard]] double area(const TriangleMesh<double>& surface) const {
+    double sum = 0;
+    for (const Index f : faces) sum += surface.area(f);
+    return sum;
+  }
   /// Triangles that it became.
   [[nodiscard]] Index triangles() const {
     return field ? 2 * field->result.mesh.quad_count() : triangle_count(polygons);

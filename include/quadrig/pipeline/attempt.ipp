@@ -328,10 +328,8 @@ class AttemptRun {
     const Coverage covered = landing.run(made.quads, made.least);
     span.end();
     lap(result_.seconds.polish);
-    double average = 0;
-    for (Index q = 0; q < made.quads.quad_count(); ++q)
-      average += scaled_jacobian(made.quads.positions, made.quads.quads.row(q)) / made.quads.quad_count();
-    const double least = made.least, farthest = covered.farthest / shared_.edge;
+    const double least = made.least, average = average_jacobian(made.quads);
+    const double farthest = covered.farthest / shared_.edge;
     result_.found = FoundQuads{std::move(made),
                                surface_mesh(),
                                surface_marks(),

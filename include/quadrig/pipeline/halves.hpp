@@ -329,6 +329,12 @@ inline void place_images(const TriangleMesh<double>& mesh, const PartSurface& su
     least = std::min(least, scaled_jacobian(quads.positions, quads.quads.row(q)));
   return least;
 }
+[[nodiscard]] inline double average_jacobian(const QuadMesh& quads) {
+  double average = 0;
+  for (Index q = 0; q < quads.quad_count(); ++q)
+    average += scaled_jacobian(quads.positions, quads.quads.row(q)) / quads.quad_count();
+  return average;
+}
 
 /// Even quads on the other side too, where that is not like this one.
 inline void even_out(const TriangleMesh<double>& mesh, const EdgeMarks& kept, const PolishOptions& options,

@@ -124,17 +124,8 @@ inline Status refine_piece(Piece& piece, double target, Index most, Context& con
 [[nodiscard]] inline EdgeMarks border_marks_of(const TriangleMesh<double>& mesh, std::span<const SurfacePoint> source,
                                                const TriangleMesh<double>& surface, const EdgeMarks& marked) {
   constexpr double off = 1e-9;
-  std::vector<char> ends(at(surface.vertex_count()), 0);
-  for (Index h = 0; h < surface.halfedge_count(); ++h)
-    if (marked[at(h)]) ends[at(surface.origin(h))] = ends[at(surface.target(h))] = 1;
-  const auto lies_on = [&](Index v) {
-    const SurfacePoint& s = source[at(v)];
-    int corner = 0;
-    if (s.barycentric.maxCoeff(&corner) > 1 - off) return ends[at(surface.faces()(s.face, corner))] != 0;
-    for (int i = 0; i < 3; ++i)
-      if (marked[at(3 * s.face + i)] && s.barycentric[(i + 2) % 3] <= off) return true;
-    return false;
-  };
+  const EdgeCurves curves(surface, marked);
+  const auto lies_on = [&](Index v) { return curves.under(source[at(v)], off) != no_index; };
   EdgeMarks marks(at(mesh.halfedge_count()), 0);
   for (Index h = 0; h < mesh.halfedge_count(); ++h)
     marks[at(h)] = mesh.twin(h) == no_index && lies_on(mesh.origin(h)) && lies_on(mesh.target(h));
